@@ -1,0 +1,2 @@
+//! The `tenter` command.
+fn main() {}
