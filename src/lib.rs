@@ -1,5 +1,11 @@
 //! Tenter: cloth simulation with its error, cost and stability measured.
 #![cfg_attr(not(test), warn(clippy::unwrap_used))]
 
+pub mod forces;
+pub mod math;
 pub mod model;
+pub mod params;
+pub mod scene;
+pub mod simulators;
 pub mod target;
+pub mod world;

@@ -1,5 +1,9 @@
-//! What stays constant while the cloth moves (topology, masses, springs), and the state that changes.
+//! What stays constant while the cloth moves (topology, springs), and the state that changes (particles).
 
+mod particles;
+mod springs;
 mod topology;
 
+pub use particles::Particles;
+pub use springs::{Group, KindSettings, Springs};
 pub use topology::{SpringKind, Topology};

@@ -1,0 +1,11 @@
+//! Forces, one a file: equation, parameters, kernel; and the problem that they make up together.
+
+pub mod air_damping;
+pub mod gravity;
+mod problem;
+mod spectrum;
+pub mod springs;
+pub mod wind;
+
+pub use problem::{Cost, Problem, SpringSet};
+pub use spectrum::Spectrum;

@@ -1,0 +1,143 @@
+//! What a method solves: masses, springs and forces, all constant during a step.
+
+use super::springs::{Incidence, SpringParams};
+use super::wind::Wind;
+use super::{air_damping, gravity, springs, wind};
+use crate::math::{Real, Vector};
+use crate::model::{Particles, Springs, Topology};
+use glam::DVec3;
+use std::sync::OnceLock;
+
+/// Work in counts: the same on every machine.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Cost {
+    /// How often the forces on all particles were computed.
+    pub force_evaluations: u64,
+    /// How often a spring was looked at, by a force or by a sweep of relaxation.
+    pub spring_visits: u64,
+}
+
+/// m a = F(t, x, v): everything that a method needs to know of the cloth and its surroundings.
+///
+/// A particle whose inverse mass is 0 is pinned or held by a hand: it feels no force and keeps its velocity (zero where
+/// it is pinned) through a step.
+#[derive(Debug)]
+pub struct Problem<T: Real> {
+    /// Mass of each particle, kg.
+    pub mass: Vec<T>,
+    /// 1/m, 1/kg; 0 where a particle is pinned or held.
+    pub inverse_mass: Vec<T>,
+    /// The springs that act.
+    pub springs: Springs<T>,
+    /// Damping k_d of every spring, kg/s.
+    pub spring_damping: T,
+    /// Air damping c of every particle, kg/s.
+    pub air_damping: T,
+    /// Gravity's acceleration, m/s²; none where it is switched off.
+    pub gravity: Option<DVec3>,
+    /// The wind; none where it is switched off.
+    pub wind: Option<Wind>,
+    /// Made when first needed: one thread never needs it.
+    incidence: OnceLock<Incidence>,
+}
+
+/// The springs' part of a scene, as [`Problem::new`] and [`Problem::set_springs`] need it.
+pub struct SpringSet<'a, T: Real> {
+    /// All springs.
+    pub topology: &'a Topology,
+    /// The shape that rest lengths are measured on, m.
+    pub rest_positions: &'a [T::Vec3],
+    /// Stiffness and switches.
+    pub params: &'a SpringParams,
+    /// Torn springs, sorted.
+    pub broken: &'a [u32],
+}
+
+impl<T: Real> Problem<T> {
+    /// Free particles of the given masses (kg) with springs, and nothing else acting on them.
+    pub fn new(mass: Vec<T>, springs: &SpringSet<T>) -> Self {
+        let inverse_mass = mass.iter().map(|&m| T::ONE / m).collect();
+        let mut problem = Self {
+            mass,
+            inverse_mass,
+            springs: Springs::default(),
+            spring_damping: T::ZERO,
+            air_damping: T::ZERO,
+            gravity: None,
+            wind: None,
+            incidence: OnceLock::new(),
+        };
+        problem.set_springs(springs);
+        problem
+    }
+
+    /// Replaces the springs.
+    pub fn set_springs(&mut self, set: &SpringSet<T>) {
+        self.springs = Springs::new(set.topology, set.rest_positions, &set.params.kinds(), set.broken);
+        self.spring_damping = T::from_f64(set.params.damping);
+        self.incidence = OnceLock::new();
+    }
+
+    /// Takes springs out; `torn` are sorted indices among those that act.
+    pub fn remove_springs(&mut self, torn: &[usize]) {
+        self.springs.remove(torn);
+        self.incidence = OnceLock::new();
+    }
+
+    /// Replaces the stiffness of every kind; the springs stay.
+    pub fn set_stiffness(&mut self, params: &SpringParams) {
+        let kinds = params.kinds();
+        for group in &mut self.springs.groups {
+            group.stiffness = T::from_f64(kinds[group.kind as usize].stiffness);
+        }
+        self.spring_damping = T::from_f64(params.damping);
+    }
+
+    /// Makes a particle immovable (pinned or held), or free.
+    pub fn set_fixed(&mut self, particle: usize, fixed: bool) {
+        self.inverse_mass[particle] = if fixed { T::ZERO } else { T::ONE / self.mass[particle] };
+    }
+
+    /// Number of particles.
+    pub fn particles(&self) -> usize {
+        self.mass.len()
+    }
+
+    /// The springs around each particle.
+    pub fn incidence(&self) -> &Incidence {
+        self.incidence.get_or_init(|| Incidence::new(self.particles(), &self.springs.pairs))
+    }
+
+    /// The forces that do not depend on the cloth's state: gravity and wind at `time` (s). Overwrites `force` (N).
+    pub fn external_forces(&self, time: f64, force: &mut [T::Vec3]) {
+        force.fill(T::Vec3::ZERO);
+        if let Some(acceleration) = self.gravity {
+            gravity::add(acceleration, &self.mass, force);
+        }
+        if let Some(gusts) = &self.wind {
+            wind::add::<T>(gusts.force(time), force);
+        }
+    }
+
+    /// All forces on all particles in the state given, at its time. Overwrites `force` (N); counts one evaluation.
+    pub fn forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
+        self.external_forces(state.time, force);
+        if self.air_damping > T::ZERO {
+            air_damping::add(self.air_damping, &state.velocities, force);
+        }
+        if self.parallel() {
+            springs::gather(&self.springs, self.incidence(), self.spring_damping, state, force);
+        } else {
+            springs::scatter(&self.springs, self.spring_damping, state, force);
+        }
+        cost.force_evaluations += 1;
+        cost.spring_visits += self.springs.len() as u64;
+    }
+
+    /// Whether several threads are at hand and the cloth is large enough to share among them.
+    fn parallel(&self) -> bool {
+        /// Below this, waking threads costs more than they save.
+        const SMALLEST: usize = 4096;
+        self.particles() >= SMALLEST && rayon::current_num_threads() > 1
+    }
+}

@@ -1,0 +1,112 @@
+//! The scalar of a simulation, `f32` or `f64`, and its three-vector: the only place that knows both precisions.
+
+use glam::{DVec3, Vec3};
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// A scalar in which a whole simulation is computed.
+pub trait Real:
+    Copy
+    + Debug
+    + Default
+    + PartialOrd
+    + Send
+    + Sync
+    + serde::Serialize
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + 'static
+{
+    /// Three of these, from glam.
+    type Vec3: Vector<Scalar = Self>;
+    /// 0.
+    const ZERO: Self;
+    /// 1.
+    const ONE: Self;
+    /// The nearest value of this precision.
+    fn from_f64(value: f64) -> Self;
+    /// The same value in double precision.
+    fn to_f64(self) -> f64;
+}
+
+/// A vector of three scalars.
+pub trait Vector:
+    Copy
+    + Debug
+    + Default
+    + PartialEq
+    + Send
+    + Sync
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + Mul<Self::Scalar, Output = Self>
+    + 'static
+{
+    /// The type of a component.
+    type Scalar: Real<Vec3 = Self>;
+    /// (0, 0, 0).
+    const ZERO: Self;
+    /// Euclidean length, correctly rounded square root: the same bits on every machine.
+    fn length(self) -> Self::Scalar;
+    /// Scalar product.
+    fn dot(self, other: Self) -> Self::Scalar;
+    /// The components.
+    fn to_array(self) -> [Self::Scalar; 3];
+    /// The nearest vector of this precision.
+    fn from_f64(value: DVec3) -> Self;
+    /// The same vector in double precision.
+    fn to_f64(self) -> DVec3;
+}
+
+macro_rules! precision {
+    ($real:ty, $vec:ty, $to_double:expr, $from_double:expr) => {
+        impl Real for $real {
+            type Vec3 = $vec;
+            const ZERO: Self = 0.0;
+            const ONE: Self = 1.0;
+            #[inline]
+            fn from_f64(value: f64) -> Self {
+                value as $real
+            }
+            #[inline]
+            fn to_f64(self) -> f64 {
+                self as f64
+            }
+        }
+
+        impl Vector for $vec {
+            type Scalar = $real;
+            const ZERO: Self = <$vec>::ZERO;
+            #[inline]
+            fn length(self) -> $real {
+                <$vec>::dot(self, self).sqrt()
+            }
+            #[inline]
+            fn dot(self, other: Self) -> $real {
+                <$vec>::dot(self, other)
+            }
+            #[inline]
+            fn to_array(self) -> [$real; 3] {
+                <$vec>::to_array(&self)
+            }
+            #[inline]
+            fn from_f64(value: DVec3) -> Self {
+                $from_double(value)
+            }
+            #[inline]
+            fn to_f64(self) -> DVec3 {
+                $to_double(self)
+            }
+        }
+    };
+}
+
+precision!(f32, Vec3, |v: Vec3| v.as_dvec3(), |v: DVec3| v.as_vec3());
+precision!(f64, DVec3, |v: DVec3| v, |v: DVec3| v);

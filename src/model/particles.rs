@@ -1,0 +1,34 @@
+//! The state that changes while the cloth moves.
+
+use crate::math::Real;
+
+/// Everything that a step reads and writes. A clone is a snapshot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Particles<T: Real> {
+    /// Simulated time, s.
+    pub time: f64,
+    /// Positions, m.
+    pub positions: Vec<T::Vec3>,
+    /// Velocities, m/s. Zero where a particle is pinned, the hand's where it is held.
+    pub velocities: Vec<T::Vec3>,
+    /// Springs that have torn, by index among all springs of the topology, sorted.
+    pub broken: Vec<u32>,
+}
+
+impl<T: Real> Particles<T> {
+    /// Particles at rest at time 0.
+    pub fn at_rest(positions: Vec<T::Vec3>) -> Self {
+        let velocities = vec![T::Vec3::default(); positions.len()];
+        Self { time: 0.0, positions, velocities, broken: Vec::new() }
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+}

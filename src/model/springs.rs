@@ -1,0 +1,111 @@
+//! The springs that act: those enabled and whole, in the order of the topology, one contiguous group a kind.
+
+use super::{SpringKind, Topology};
+use crate::math::{Real, Vector};
+use std::ops::Range;
+
+/// Springs that act. A kind that is switched off and a spring that is torn are not in here, so nobody walks them.
+#[derive(Clone, Debug, Default)]
+pub struct Springs<T: Real> {
+    /// The two particles of each spring, lower index first.
+    pub pairs: Vec<[u32; 2]>,
+    /// Rest length of each spring, m.
+    pub rest: Vec<T>,
+    /// Index of each spring among all springs of the topology.
+    pub ids: Vec<u32>,
+    /// The kinds present, each with its range of springs.
+    pub groups: Vec<Group<T>>,
+}
+
+/// All acting springs of one kind.
+#[derive(Clone, Debug)]
+pub struct Group<T> {
+    /// Their kind.
+    pub kind: SpringKind,
+    /// Where they stand in the lists.
+    pub range: Range<usize>,
+    /// Stiffness k, N/m.
+    pub stiffness: T,
+}
+
+/// What the scene says of one kind of springs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KindSettings {
+    /// Whether springs of this kind act.
+    pub enabled: bool,
+    /// Stiffness k, N/m.
+    pub stiffness: f64,
+    /// Rest length = length in the imported or generated shape x this.
+    pub rest_scale: f64,
+}
+
+impl<T: Real> Springs<T> {
+    /// The acting springs of `topology` on the shape `rest_positions` (m), without those in `broken` (sorted ids).
+    pub fn new(
+        topology: &Topology,
+        rest_positions: &[T::Vec3],
+        kinds: &[KindSettings; 3],
+        broken: &[u32],
+    ) -> Self {
+        let mut springs = Self::default();
+        let mut broken = broken.iter().copied().peekable();
+        let mut id = 0;
+        for ((kind, pairs), settings) in SpringKind::ALL.into_iter().zip(&topology.pairs).zip(kinds) {
+            let start = springs.pairs.len();
+            for pair in pairs {
+                let torn = broken.next_if_eq(&id).is_some();
+                if settings.enabled && !torn {
+                    let [a, b] = pair.map(|p| rest_positions[p as usize]);
+                    springs.pairs.push(*pair);
+                    springs.rest.push((b - a).length() * T::from_f64(settings.rest_scale));
+                    springs.ids.push(id);
+                }
+                id += 1;
+            }
+            let range = start..springs.pairs.len();
+            if !range.is_empty() {
+                springs.groups.push(Group { kind, range, stiffness: T::from_f64(settings.stiffness) });
+            }
+        }
+        springs
+    }
+
+    /// Takes springs out, keeping the order of the others; `torn` are sorted indices.
+    pub fn remove(&mut self, torn: &[usize]) {
+        let Some(&first) = torn.first() else { return };
+        let mut torn_ahead = torn.iter().copied().peekable();
+        let mut kept = first;
+        let mut ends = self.groups.iter_mut().map(|g| &mut g.range).peekable();
+        for s in first..self.pairs.len() {
+            while let Some(range) = ends.next_if(|range| range.end <= s) {
+                range.end = range.end.min(kept);
+            }
+            if torn_ahead.next_if_eq(&s).is_none() {
+                self.pairs[kept] = self.pairs[s];
+                self.rest[kept] = self.rest[s];
+                self.ids[kept] = self.ids[s];
+                kept += 1;
+            }
+        }
+        ends.for_each(|range| range.end = range.end.min(kept));
+        self.pairs.truncate(kept);
+        self.rest.truncate(kept);
+        self.ids.truncate(kept);
+        let mut start = 0;
+        for group in &mut self.groups {
+            group.range.start = start;
+            start = group.range.end;
+        }
+        self.groups.retain(|group| !group.range.is_empty());
+    }
+
+    /// Number of acting springs.
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether no spring acts.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+}

@@ -1,0 +1,61 @@
+//! Time-stepping methods, one a file. To add one, write its file and add its line to the registry below.
+//!
+//! A method advances m a = F(t, x, v) from t to t + dt. It owns parameters and scratch, never state: replaced by a fresh
+//! one between two steps it changes no bit of the trajectory, so methods can be switched while a cloth moves.
+
+mod registry;
+mod settings;
+
+pub use registry::{Build, Entry, Stepper, find};
+pub use settings::{SimulatorSettings, Value};
+
+use crate::forces::{Cost, Problem, Spectrum};
+use crate::math::Real;
+use crate::model::Particles;
+use crate::params::Params;
+
+registry::registry! {
+    explicit_euler::ExplicitEuler,
+    symplectic_euler::SymplecticEuler,
+    verlet::Verlet,
+}
+
+/// A method: its parameters are the fields of the type (declared with [`params!`](crate::params!)), its update is
+/// [`step`](Self::step).
+pub trait Simulator: Params + Send + Sync + 'static {
+    /// Name in scene files and on the command line.
+    const ID: &'static str;
+    /// One sentence: what it is and when to choose it.
+    const SUMMARY: &'static str;
+    /// Order of accuracy p: the error of a trajectory falls as dtᵖ.
+    const ORDER: u32;
+    /// What it solves.
+    const MODEL: Model;
+    /// Memory that a step uses and leaves without meaning: buffers, factorisations. May be replaced by a default one
+    /// before any step.
+    type Scratch<T: Real>: Default + Send;
+
+    /// Advances positions (m) and velocities (m/s) by `dt` (s, above 0) from `state.time`, which the caller advances.
+    /// A particle of inverse mass 0 keeps its velocity and moves by dt v. Work is counted in `cost`.
+    fn step<T: Real>(
+        &self,
+        problem: &Problem<T>,
+        state: &mut Particles<T>,
+        dt: T,
+        scratch: &mut Self::Scratch<T>,
+        cost: &mut Cost,
+    );
+
+    /// Largest stable dt in theory for small motions around the shape whose spectrum is given, s; 0 where no dt is
+    /// stable, none where theory sets no limit.
+    fn dt_limit(&self, spectrum: &Spectrum) -> Option<f64>;
+}
+
+/// What a method solves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Model {
+    /// The springs of the scene: as dt goes to 0 its error does.
+    Springs,
+    /// Springs taken as rigid constraints: stiffness is ignored, how stiff it looks is a matter of dt and sweeps.
+    RigidConstraints,
+}

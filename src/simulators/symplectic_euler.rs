@@ -1,0 +1,51 @@
+//! Symplectic Euler (thesis 4.2): the velocity advances first, and the position with the new velocity.
+//!
+//! v(t + dt) = v + dt a(t, x, v), x(t + dt) = x + dt v(t + dt). Order 1; one force evaluation a step. The same positions
+//! as position Verlet with spring forces, started with x(-dt) = x - dt v.
+//!
+//! Costs what explicit Euler costs, but keeps the energy of an undamped cloth near its true value for ever (Hairer,
+//! Lubich, Wanner, "Geometric Numerical Integration", 2006, I.1) while dt < 2/ω of the fastest motion.
+
+use super::{Model, Simulator};
+use crate::forces::{Cost, Problem, Spectrum};
+use crate::math::Real;
+use crate::model::Particles;
+
+crate::params! {
+    /// Symplectic Euler has no parameters of its own.
+    pub struct SymplecticEuler {}
+}
+
+impl Simulator for SymplecticEuler {
+    const ID: &'static str = "symplectic_euler";
+    const SUMMARY: &'static str = "Symplectic Euler: cheap and sturdy up to its stability limit; the one to start with.";
+    const ORDER: u32 = 1;
+    const MODEL: Model = Model::Springs;
+    /// Forces, N.
+    type Scratch<T: Real> = Vec<T::Vec3>;
+
+    fn step<T: Real>(
+        &self,
+        problem: &Problem<T>,
+        state: &mut Particles<T>,
+        dt: T,
+        force: &mut Vec<T::Vec3>,
+        cost: &mut Cost,
+    ) {
+        force.resize(state.len(), T::Vec3::default());
+        problem.forces(state, force, cost);
+        let particles = state.positions.iter_mut().zip(&mut state.velocities);
+        for (((x, v), &f), &w) in particles.zip(&*force).zip(&problem.inverse_mass) {
+            *v += f * (w * dt);
+            *x += *v * dt;
+        }
+    }
+
+    /// With damping taken at the old velocity a motion x'' + g x' + ω² x = 0 stays bounded while
+    /// dt ≤ (-g + sqrt(g² + 4ω²)) / ω², here written so that ω = 0 (dt ≤ 2/g) and g = 0 (dt ≤ 2/ω) need no cases.
+    /// The largest g and the largest ω are taken together, which is exact for undamped cloth and careful otherwise.
+    fn dt_limit(&self, spectrum: &Spectrum) -> Option<f64> {
+        let (g, omega) = (spectrum.damping_max, spectrum.omega_max);
+        Some(4.0 / (g + (g * g + 4.0 * omega * omega).sqrt())).filter(|dt| dt.is_finite())
+    }
+}

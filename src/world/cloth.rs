@@ -1,0 +1,132 @@
+//! One cloth in one precision: its problem, its state, and the method that steps it.
+
+use crate::forces::springs::SpringParams;
+use crate::forces::{Cost, Problem, SpringSet};
+use crate::math::{Real, Vector};
+use crate::model::{Particles, Topology};
+use crate::scene::{Refusal, Scene};
+use crate::simulators::{Build, Stepper};
+use crate::target::QuadMesh;
+use glam::DVec3;
+
+/// What a scene's target amounts to.
+#[derive(Debug)]
+pub(super) struct Shape {
+    pub mesh: QuadMesh,
+    pub topology: Topology,
+}
+
+pub(super) struct Cloth<T: Real> {
+    pub problem: Problem<T>,
+    pub state: Particles<T>,
+    stepper: Box<dyn Stepper<T>>,
+    /// The shape that rest lengths are measured on, m.
+    rest_positions: Vec<T::Vec3>,
+    /// Mean rest length of the springs that act, m; 0 without springs.
+    pub mean_rest: f64,
+}
+
+impl<T: Build> Cloth<T> {
+    /// The cloth of a scene, in the state given or at the start of the scene.
+    pub fn new(
+        scene: &Scene,
+        shape: &Shape,
+        mass: &[f64],
+        state: Option<Particles<T>>,
+    ) -> Result<Self, Refusal> {
+        let rest_positions: Vec<T::Vec3> =
+            shape.mesh.positions.iter().map(|p| T::Vec3::from_f64(*p)).collect();
+        let state = state.unwrap_or_else(|| Particles::at_rest(rest_positions.clone()));
+        let set = SpringSet {
+            topology: &shape.topology,
+            rest_positions: &rest_positions,
+            params: &scene.springs,
+            broken: &state.broken,
+        };
+        let problem = Problem::new(mass.iter().map(|m| T::from_f64(*m)).collect(), &set);
+        let stepper = T::build(&scene.simulator)?;
+        let mut cloth = Self { problem, state, stepper, rest_positions, mean_rest: 0.0 };
+        cloth.measure_rest();
+        cloth.set_environment(scene);
+        Ok(cloth)
+    }
+
+    /// Takes over what a scene says besides target, mass and springs.
+    pub fn set_environment(&mut self, scene: &Scene) {
+        self.problem.air_damping = T::from_f64(scene.air_damping);
+        self.problem.gravity = scene.gravity.acceleration();
+        self.problem.wind = scene.wind.enabled.then(|| scene.wind.clone());
+    }
+
+    pub fn set_simulator(&mut self, scene: &Scene) -> Result<(), Refusal> {
+        self.stepper = T::build(&scene.simulator)?;
+        Ok(())
+    }
+
+    /// Builds the springs anew: kinds switched, rest lengths scaled, springs torn or whole again.
+    pub fn set_springs(&mut self, params: &SpringParams, topology: &Topology) {
+        self.problem.set_springs(&SpringSet {
+            topology,
+            rest_positions: &self.rest_positions,
+            params,
+            broken: &self.state.broken,
+        });
+        self.measure_rest();
+    }
+
+    fn measure_rest(&mut self) {
+        let rest = &self.problem.springs.rest;
+        let sum: f64 = rest.iter().map(|r| r.to_f64()).sum();
+        self.mean_rest = if rest.is_empty() { 0.0 } else { sum / rest.len() as f64 };
+    }
+
+    pub fn step(&mut self, dt: f64, cost: &mut Cost) {
+        self.stepper.step(&self.problem, &mut self.state, T::from_f64(dt), cost);
+    }
+
+    /// Returns to a state of the same problem.
+    pub fn put_back(&mut self, state: Particles<T>, params: &SpringParams, topology: &Topology) {
+        let torn_differ = state.broken != self.state.broken;
+        self.state = state;
+        if torn_differ {
+            self.set_springs(params, topology);
+        }
+    }
+
+    pub fn stepper(&self) -> &dyn Stepper<T> {
+        &*self.stepper
+    }
+
+    pub fn position(&self, particle: u32) -> DVec3 {
+        self.state.positions[particle as usize].to_f64()
+    }
+
+    pub fn set_position(&mut self, particle: u32, to: DVec3) {
+        self.state.positions[particle as usize] = T::Vec3::from_f64(to);
+    }
+
+    /// Zero is taken as +0, so that x + dt v leaves every bit of x alone.
+    pub fn set_velocity(&mut self, particle: u32, velocity: DVec3) {
+        self.state.velocities[particle as usize] = T::Vec3::from_f64(velocity + DVec3::ZERO);
+    }
+
+    /// Breaks every acting spring longer than `max_ratio` x its rest length, all judged on the same positions; answers
+    /// with how many.
+    pub fn tear(&mut self, max_ratio: f64) -> usize {
+        let max_ratio = T::from_f64(max_ratio);
+        let springs = &mut self.problem.springs;
+        let x = &self.state.positions;
+        let before = springs.len();
+        let too_long = |s: usize, springs: &crate::model::Springs<T>| {
+            let [i, j] = springs.pairs[s].map(|p| x[p as usize]);
+            (j - i).length() > springs.rest[s] * max_ratio
+        };
+        let Some(first) = (0..before).find(|s| too_long(*s, springs)) else { return 0 };
+        let torn: Vec<usize> = (first..before).filter(|s| too_long(*s, springs)).collect();
+        self.state.broken.extend(torn.iter().map(|s| springs.ids[*s]));
+        self.state.broken.sort_unstable();
+        self.problem.remove_springs(&torn);
+        self.measure_rest();
+        torn.len()
+    }
+}

@@ -1,0 +1,158 @@
+//! Whether a simulation can be trusted: run-away states are caught in the step where they happen, jitter is told.
+//!
+//! Gravity, wind, hands and the energy at the start bound the kinetic energy that a cloth can have, since springs only
+//! exchange energy and damping takes it away. A [`Ledger`] keeps that bound; kinetic energy far beyond it can only come
+//! from the method. It takes one pass over the particles a step, none over the springs.
+
+use super::cloth::Cloth;
+use super::measure::Measures;
+use crate::math::{Real, Vector};
+use glam::DVec3;
+
+/// The state of a simulation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(tag = "state", rename_all = "lowercase")]
+pub enum Health {
+    /// Nothing to tell.
+    #[default]
+    Ok,
+    /// Bounded, but particles shake from step to step: dt is beyond the limit of the current shape.
+    Unsettled {
+        /// Step at which it was first seen.
+        step: u64,
+        /// Simulated time of that step, s.
+        time: f64,
+        /// A particle that shakes.
+        particle: u32,
+    },
+    /// Not finite, or with an energy that no force has given it. The state shown is the last good one, one step before.
+    Diverged {
+        /// Step that burst.
+        step: u64,
+        /// Simulated time at the end of that step, s.
+        time: f64,
+        /// The first particle that is not finite, else the fastest.
+        particle: u32,
+    },
+}
+
+impl Health {
+    /// Whether the simulation has diverged.
+    pub fn is_diverged(&self) -> bool {
+        matches!(self, Self::Diverged { .. })
+    }
+}
+
+/// How much more kinetic energy than the forces can have given is taken as divergence: a hundred times the speed. Stable
+/// methods overshoot by a few per cent, unstable ones pass any factor within a few steps.
+const EXCESS: f64 = 1e4;
+
+/// The energy that the forces can have given to a cloth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Ledger {
+    /// Kinetic and elastic energy when the ledger was opened, with the work done by wind and hands since, J.
+    given: f64,
+    /// Σ m x when the ledger was opened, kg m.
+    weighted: DVec3,
+}
+
+/// One pass over the particles that can move.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tally {
+    /// Σ m v² / 2, J.
+    kinetic: f64,
+    /// Σ m x, kg m.
+    weighted: DVec3,
+    /// Σ v, m/s.
+    velocity: DVec3,
+    /// Σ m, kg.
+    mass: f64,
+    /// Number.
+    count: f64,
+}
+
+impl Tally {
+    pub fn of<T: Real>(cloth: &Cloth<T>) -> Self {
+        let mut tally = Self::default();
+        let masses = cloth.problem.mass.iter().zip(&cloth.problem.inverse_mass);
+        let states = cloth.state.positions.iter().zip(&cloth.state.velocities);
+        for ((m, w), (x, v)) in masses.zip(states) {
+            if *w > T::ZERO {
+                let (m, v) = (m.to_f64(), v.to_f64());
+                tally.kinetic += 0.5 * m * v.length_squared();
+                tally.weighted += x.to_f64() * m;
+                tally.velocity += v;
+                tally.mass += m;
+                tally.count += 1.0;
+            }
+        }
+        tally
+    }
+}
+
+impl Ledger {
+    /// Opens a ledger on the state given.
+    pub fn open<T: Real>(cloth: &Cloth<T>) -> Self {
+        let energy = Measures::of(&cloth.problem, &cloth.state).energy;
+        Self { given: energy.kinetic + energy.elastic, weighted: Tally::of(cloth).weighted }
+    }
+
+    /// Books the work that hands do by moving to `targets`: the elastic energy of the springs around, before and after.
+    pub fn hands<T: Real>(&mut self, cloth: &Cloth<T>, targets: impl Iterator<Item = (u32, DVec3)>) {
+        for (particle, to) in targets {
+            let (springs, state) = (&cloth.problem.springs, &cloth.state);
+            let from = state.positions[particle as usize].to_f64();
+            if from == to {
+                continue;
+            }
+            let mut work = 0.0;
+            for &[other, spring] in cloth.problem.incidence().around(particle as usize) {
+                let spring = spring as usize;
+                let (anchor, rest) = (state.positions[other as usize].to_f64(), springs.rest[spring].to_f64());
+                let group = springs.groups.iter().find(|g| g.range.contains(&spring));
+                let k = group.map_or(0.0, |g| g.stiffness.to_f64());
+                let energy = |x: DVec3| 0.5 * k * ((x - anchor).length() - rest).powi(2);
+                work += energy(to) - energy(from);
+            }
+            self.given += work.max(0.0);
+        }
+    }
+
+    /// Books a step of `dt` (s) that ended in `cloth`; answers with the particle to blame where it has diverged.
+    pub fn step<T: Real>(&mut self, cloth: &Cloth<T>, dt: f64) -> Option<u32> {
+        let tally = Tally::of(cloth);
+        let gravity = cloth.problem.gravity.unwrap_or_default();
+        let wind = cloth.problem.wind.as_ref().map_or(DVec3::ZERO, |w| w.force(cloth.state.time));
+        self.given += (wind.dot(tally.velocity) * dt).max(0.0);
+        let fallen = gravity.dot(tally.weighted - self.weighted).max(0.0);
+        // One spring length and one step of free acceleration a step are no sign of anything.
+        let stride = cloth.mean_rest / dt;
+        let push = wind * (tally.count / tally.mass.max(f64::MIN_POSITIVE)) + gravity;
+        let freely = 0.5 * tally.mass * (stride * stride + (push * dt).length_squared());
+        let sound = tally.kinetic <= EXCESS * (self.given + fallen + freely);
+        (!sound).then(|| worst(cloth))
+    }
+}
+
+/// The first particle that is not finite, else the fastest.
+fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
+    let states = || cloth.state.positions.iter().zip(&cloth.state.velocities);
+    let finite = |(x, v): (&T::Vec3, &T::Vec3)| x.to_f64().is_finite() && v.to_f64().is_finite();
+    let speed = |v: &T::Vec3| v.to_f64().length_squared();
+    let broken = states().position(|state| !finite(state));
+    let fastest = || {
+        let speeds = cloth.state.velocities.iter().map(speed).enumerate();
+        speeds.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i)
+    };
+    broken.unwrap_or_else(fastest) as u32
+}
+
+/// Watches for particles that shake from step to step. Placeholder.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Jitter {}
+
+impl Jitter {
+    pub fn step<T: Real>(&mut self, _: &Cloth<T>, _: u64, _: f64) -> Option<u32> {
+        None
+    }
+}

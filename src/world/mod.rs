@@ -1,0 +1,632 @@
+//! A running simulation: it owns the state, applies commands, steps, tears, and watches its own health.
+
+mod clock;
+mod cloth;
+mod command;
+mod hand;
+mod health;
+mod measure;
+mod recording;
+
+pub use clock::{Clock, Tick};
+pub use command::{Command, REACH};
+pub use health::Health;
+pub use measure::{Energy, Measures};
+pub use recording::{Entry, Recording};
+
+use crate::forces::{Cost, Spectrum};
+use crate::math::{Real, Vector};
+use crate::model::{Particles, Topology};
+use crate::scene::{Built, Place, Precision, Refusal, Scene};
+use crate::target::{ImportReport, QuadMesh};
+use cloth::{Cloth, Shape};
+use glam::DVec3;
+use hand::Hand;
+use health::{Jitter, Ledger};
+use std::sync::Arc;
+
+/// A cloth in the precision of its scene.
+enum AnyCloth {
+    Single(Cloth<f32>),
+    Double(Cloth<f64>),
+}
+
+/// A state in the precision of its scene.
+#[derive(Clone, Debug, PartialEq)]
+enum AnyState {
+    Single(Particles<f32>),
+    Double(Particles<f64>),
+}
+
+/// Runs the same code on a cloth of either precision.
+macro_rules! on {
+    ($any:expr, $cloth:ident => $body:expr) => {
+        match $any {
+            AnyCloth::Single($cloth) => $body,
+            AnyCloth::Double($cloth) => $body,
+        }
+    };
+}
+
+/// A running simulation of one scene.
+pub struct World {
+    scene: Scene,
+    place: Place,
+    shape: Arc<Shape>,
+    report: Arc<ImportReport>,
+    pinned: Vec<bool>,
+    hands: Vec<Hand>,
+    cloth: AnyCloth,
+    /// Steps taken since the world was made.
+    step: u64,
+    /// Simulated time at a step since which dt has not changed: time is counted from here, not added up.
+    anchor: (u64, f64),
+    cost: Cost,
+    ledger: Ledger,
+    jitter: Jitter,
+    health: Health,
+    log: Vec<Entry>,
+    /// A state at most [`CHECKPOINT`] steps old from which the last good state is stepped again; none after a command.
+    checkpoint: Option<Box<Snapshot>>,
+    threads: Option<Arc<rayon::ThreadPool>>,
+}
+
+/// Steps between checkpoints: copying the state so seldom costs next to nothing, and so few steps are soon repeated.
+const CHECKPOINT: u64 = 64;
+
+/// Everything that a world's future depends on. Restoring it and stepping on gives the same bits.
+#[derive(Clone)]
+pub struct Snapshot {
+    scene: Scene,
+    shape: Arc<Shape>,
+    report: Arc<ImportReport>,
+    pinned: Vec<bool>,
+    hands: Vec<Hand>,
+    state: AnyState,
+    step: u64,
+    anchor: (u64, f64),
+    cost: Cost,
+    ledger: Ledger,
+    jitter: Jitter,
+    logged: usize,
+}
+
+impl Snapshot {
+    /// The scene at that moment.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Steps taken until then.
+    pub fn step(&self) -> u64 {
+        self.step
+    }
+}
+
+impl World {
+    /// A world at the start of a scene, whose meshes are looked for in `place`.
+    ///
+    /// # Errors
+    /// A target that cannot be read or does not fit into memory; pins, mass or a method that do not fit the target.
+    pub fn new(scene: Scene, place: Place) -> Result<Self, Refusal> {
+        let (shape, report) = build_shape(&scene, &place)?;
+        let pinned = scene.pins.select(&scene.target, &shape.mesh)?;
+        let cloth = build_cloth(&scene, &shape, None)?;
+        let mut world = Self {
+            scene,
+            place,
+            shape,
+            report,
+            pinned,
+            hands: Vec::new(),
+            cloth,
+            step: 0,
+            anchor: (0, 0.0),
+            cost: Cost::default(),
+            ledger: Ledger::default(),
+            jitter: Jitter::default(),
+            health: Health::default(),
+            log: Vec::new(),
+            checkpoint: None,
+            threads: None,
+        };
+        world.fix_particles();
+        world.open_ledger();
+        Ok(world)
+    }
+
+    /// Steps on this many threads from now on. The result does not depend on it.
+    ///
+    /// # Errors
+    /// The system gives no more threads.
+    pub fn set_threads(&mut self, threads: usize) -> Result<(), Refusal> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        self.threads = Some(Arc::new(pool.map_err(|e| Refusal::new(format!("--threads {threads}: {e}")))?));
+        Ok(())
+    }
+
+    /// Applies a command before the next step, and logs it.
+    ///
+    /// # Errors
+    /// A particle that is not there or not held, a point out of reach, a setting that is refused. Nothing has changed then.
+    pub fn apply(&mut self, command: Command) -> Result<(), Refusal> {
+        self.act(&command)?;
+        self.log.push(Entry { step: self.step, command });
+        self.health = Health::Ok;
+        self.checkpoint = None;
+        Ok(())
+    }
+
+    fn act(&mut self, command: &Command) -> Result<(), Refusal> {
+        match command {
+            Command::Grab { particles } => {
+                self.check_particles(particles)?;
+                let time = self.time();
+                for &p in particles {
+                    if !self.is_held(p) {
+                        let at = on!(&mut self.cloth, c => {
+                            c.set_velocity(p, DVec3::ZERO);
+                            c.position(p)
+                        });
+                        self.hands.push(Hand::new(p, at, time));
+                    }
+                }
+                self.fix_particles();
+            }
+            Command::Drag { particle, to, steps } => {
+                if !to.to_array().iter().all(|c| c.abs() <= REACH) {
+                    return Err(Refusal::new(format!(
+                        "drag to ({}, {}, {}); accepted: coordinates from -1e12 to 1e12 m",
+                        to.x, to.y, to.z
+                    )));
+                }
+                let hand = self.hands.iter_mut().find(|h| h.particle == *particle);
+                let hand = hand.ok_or_else(|| {
+                    Refusal::new(format!("drag of particle {particle}, which no hand holds; accepted: one grabbed before"))
+                })?;
+                // Adding +0 turns -0 into +0, which later steps leave alone to the bit.
+                hand.drag(*to + DVec3::ZERO, *steps);
+            }
+            Command::Release { particles } => {
+                self.check_particles(particles)?;
+                let time = self.time();
+                let (gone, kept) =
+                    std::mem::take(&mut self.hands).into_iter().partition(|h| particles.contains(&h.particle));
+                self.hands = kept;
+                for hand in gone {
+                    let pinned = self.pinned[hand.particle as usize];
+                    let velocity = if pinned { DVec3::ZERO } else { hand.velocity(time) };
+                    on!(&mut self.cloth, c => c.set_velocity(hand.particle, velocity));
+                }
+                self.fix_particles();
+                self.open_ledger();
+            }
+            Command::Pin { particles } => self.set_pinned(particles, true)?,
+            Command::Free { particles } => self.set_pinned(particles, false)?,
+            Command::Set { key, value } => {
+                let mut scene = self.scene.clone();
+                scene.set_key(key, value)?;
+                self.adopt(scene)?;
+            }
+            Command::Reset => {
+                self.hands.clear();
+                self.cloth = build_cloth(&self.scene, &self.shape, None)?;
+                self.anchor = (self.step, 0.0);
+                self.pinned = self.scene.pins.select(&self.scene.target, &self.shape.mesh)?;
+                self.fix_particles();
+                self.open_ledger();
+            }
+        }
+        Ok(())
+    }
+
+    fn check_particles(&self, particles: &[u32]) -> Result<(), Refusal> {
+        let count = self.pinned.len();
+        match particles.iter().find(|p| **p as usize >= count) {
+            None => Ok(()),
+            Some(p) => Err(Refusal::new(format!(
+                "there is no particle {p}; accepted: 0 to {}",
+                count.saturating_sub(1)
+            ))),
+        }
+    }
+
+    fn set_pinned(&mut self, particles: &[u32], pinned: bool) -> Result<(), Refusal> {
+        self.check_particles(particles)?;
+        for &p in particles {
+            self.pinned[p as usize] = pinned;
+            if !self.is_held(p) {
+                on!(&mut self.cloth, c => c.set_velocity(p, DVec3::ZERO));
+            }
+        }
+        self.scene.pins.edit(&self.scene.target, &self.pinned, particles, pinned);
+        self.fix_particles();
+        self.open_ledger();
+        Ok(())
+    }
+
+    /// Takes over an edited scene: from the next step on, everything is as if the simulation had started from this state
+    /// with these settings. A new target keeps the shape where its particles are as many as before.
+    fn adopt(&mut self, scene: Scene) -> Result<(), Refusal> {
+        let old = &self.scene;
+        let new_target = scene.target != old.target;
+        let (shape, report) = if new_target {
+            build_shape(&scene, &self.place)?
+        } else {
+            (Arc::clone(&self.shape), Arc::clone(&self.report))
+        };
+        let count_changes = shape.mesh.positions.len() != self.shape.mesh.positions.len();
+        let pinned = if new_target || scene.pins != old.pins {
+            scene.pins.select(&scene.target, &shape.mesh)?
+        } else {
+            self.pinned.clone()
+        };
+        if new_target || scene.mass != old.mass || scene.precision != old.precision {
+            let state = if count_changes {
+                None
+            } else {
+                let mut state = self.state();
+                if new_target {
+                    state.forget_torn();
+                }
+                Some(state)
+            };
+            self.cloth = build_cloth(&scene, &shape, state)?;
+        } else {
+            let (params, before) = (&scene.springs, &old.springs);
+            let rebuild = params.kinds().iter().zip(&before.kinds()).any(|(a, b)| {
+                (a.enabled, a.rest_scale) != (b.enabled, b.rest_scale)
+            });
+            on!(&mut self.cloth, c => {
+                if scene.simulator != old.simulator {
+                    c.set_simulator(&scene)?;
+                }
+                if rebuild {
+                    c.set_springs(params, &shape.topology);
+                } else if params != before {
+                    c.problem.set_stiffness(params);
+                }
+                c.set_environment(&scene);
+            });
+        }
+        if count_changes {
+            self.hands.clear();
+            self.anchor = (self.step, 0.0);
+        } else if scene.dt != old.dt {
+            self.anchor = (self.step, self.time());
+        }
+        for (p, (now, before)) in pinned.iter().zip(&self.pinned).enumerate() {
+            if *now && !before && !self.is_held(p as u32) {
+                on!(&mut self.cloth, c => c.set_velocity(p as u32, DVec3::ZERO));
+            }
+        }
+        self.scene = scene;
+        self.shape = shape;
+        self.report = report;
+        self.pinned = pinned;
+        self.fix_particles();
+        self.open_ledger();
+        Ok(())
+    }
+
+    fn is_held(&self, particle: u32) -> bool {
+        self.hands.iter().any(|h| h.particle == particle)
+    }
+
+    /// Makes exactly the pinned and the held particles immovable.
+    fn fix_particles(&mut self) {
+        on!(&mut self.cloth, c => {
+            for (i, pinned) in self.pinned.iter().enumerate() {
+                c.problem.set_fixed(i, *pinned);
+            }
+            for hand in &self.hands {
+                c.problem.set_fixed(hand.particle as usize, true);
+            }
+        });
+    }
+
+    fn open_ledger(&mut self) {
+        self.ledger = on!(&self.cloth, c => Ledger::open(c));
+        self.jitter = Jitter::default();
+    }
+
+    /// Takes one step. A state that diverges is taken back to the last good one, named in [`health`](Self::health), and
+    /// further steps do nothing until a command changes something. At dt = 0 nothing moves.
+    pub fn step(&mut self) {
+        if self.health.is_diverged() {
+            return;
+        }
+        if self.checkpoint.as_ref().is_none_or(|c| self.step - c.step >= CHECKPOINT) {
+            self.checkpoint = Some(Box::new(self.snapshot()));
+        }
+        let dt = self.scene.dt;
+        self.advance();
+        if dt > 0.0 {
+            let blamed = on!(&self.cloth, c => self.ledger.step(c, dt));
+            if let Some(particle) = blamed {
+                self.health = Health::Diverged { step: self.step, time: self.time(), particle };
+                self.return_to(self.step - 1);
+                return;
+            }
+            let shaking = on!(&self.cloth, c => self.jitter.step(c, self.step, dt));
+            if let (Some(particle), Health::Ok) = (shaking, self.health) {
+                self.health = Health::Unsettled { step: self.step, time: self.time(), particle };
+            }
+        }
+    }
+
+    /// Goes back to the checkpoint and steps up to `step` again, which gives the same states.
+    fn return_to(&mut self, step: u64) {
+        let Some(checkpoint) = self.checkpoint.take() else { return };
+        self.put_back(&checkpoint);
+        while self.step < step {
+            self.advance();
+            on!(&self.cloth, c => self.ledger.step(c, self.scene.dt));
+        }
+        self.checkpoint = Some(checkpoint);
+    }
+
+    /// One step of the method with hands and tearing, unwatched.
+    fn advance(&mut self) {
+        self.step += 1;
+        let (dt, time) = (self.scene.dt, self.time());
+        if dt == 0.0 {
+            return;
+        }
+        let Self { hands, cloth, ledger, cost, threads, scene, .. } = self;
+        on!(cloth, c => {
+            ledger.hands(c, hands.iter().map(|h| (h.particle, h.next())));
+            for hand in hands.iter() {
+                c.set_velocity(hand.particle, (hand.next() - c.position(hand.particle)) / dt);
+            }
+            match threads {
+                Some(pool) => pool.install(|| c.step(dt, cost)),
+                None => c.step(dt, cost),
+            }
+            c.state.time = time;
+            for hand in hands.iter_mut() {
+                hand.advance(time);
+                // The method moved it by dt v; here it arrives to the last bit.
+                c.set_position(hand.particle, hand.at());
+            }
+            if scene.tearing.enabled {
+                c.tear(scene.tearing.max_ratio);
+            }
+        });
+    }
+
+    /// Everything that the future depends on.
+    pub fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            scene: self.scene.clone(),
+            shape: Arc::clone(&self.shape),
+            report: Arc::clone(&self.report),
+            pinned: self.pinned.clone(),
+            hands: self.hands.clone(),
+            state: self.state(),
+            step: self.step,
+            anchor: self.anchor,
+            cost: self.cost,
+            ledger: self.ledger,
+            jitter: self.jitter.clone(),
+            logged: self.log.len(),
+        }
+    }
+
+    /// Goes back to a snapshot of this world; commands logged since are forgotten.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.put_back(snapshot);
+        self.log.truncate(snapshot.logged);
+        self.health = Health::Ok;
+        self.checkpoint = None;
+    }
+
+    fn put_back(&mut self, snapshot: &Snapshot) {
+        let same_problem = self.scene == snapshot.scene && Arc::ptr_eq(&self.shape, &snapshot.shape);
+        let state = snapshot.state.clone();
+        match (&mut self.cloth, state) {
+            (AnyCloth::Single(c), AnyState::Single(s)) if same_problem => {
+                c.put_back(s, &self.scene.springs, &self.shape.topology);
+            }
+            (AnyCloth::Double(c), AnyState::Double(s)) if same_problem => {
+                c.put_back(s, &self.scene.springs, &self.shape.topology);
+            }
+            (_, state) => {
+                // The snapshot was taken of a world that had been built from this very scene.
+                if let Ok(cloth) = build_cloth(&snapshot.scene, &snapshot.shape, Some(state)) {
+                    self.cloth = cloth;
+                }
+            }
+        }
+        self.scene.clone_from(&snapshot.scene);
+        self.shape = Arc::clone(&snapshot.shape);
+        self.report = Arc::clone(&snapshot.report);
+        self.pinned.clone_from(&snapshot.pinned);
+        self.hands.clone_from(&snapshot.hands);
+        self.step = snapshot.step;
+        self.anchor = snapshot.anchor;
+        self.cost = snapshot.cost;
+        self.ledger = snapshot.ledger;
+        self.jitter.clone_from(&snapshot.jitter);
+        self.fix_particles();
+    }
+
+    fn state(&self) -> AnyState {
+        match &self.cloth {
+            AnyCloth::Single(c) => AnyState::Single(c.state.clone()),
+            AnyCloth::Double(c) => AnyState::Double(c.state.clone()),
+        }
+    }
+
+    /// The scene as it is now, edits included.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Where its meshes are looked for.
+    pub fn place_mut(&mut self) -> &mut Place {
+        &mut self.place
+    }
+
+    /// The mesh in its rest shape.
+    pub fn mesh(&self) -> &QuadMesh {
+        &self.shape.mesh
+    }
+
+    /// All springs, those that do not act included.
+    pub fn topology(&self) -> &Topology {
+        &self.shape.topology
+    }
+
+    /// What the import found and mended.
+    pub fn report(&self) -> &ImportReport {
+        &self.report
+    }
+
+    /// For each particle, whether it is pinned.
+    pub fn pinned(&self) -> &[bool] {
+        &self.pinned
+    }
+
+    /// The particles that hands hold.
+    pub fn held(&self) -> impl Iterator<Item = u32> + '_ {
+        self.hands.iter().map(|h| h.particle)
+    }
+
+    /// Steps taken since the world was made.
+    pub fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// Simulated time, s.
+    pub fn time(&self) -> f64 {
+        self.anchor.1 + (self.step - self.anchor.0) as f64 * self.scene.dt
+    }
+
+    /// Whether the simulation can be trusted.
+    pub fn health(&self) -> Health {
+        self.health
+    }
+
+    /// Work done so far.
+    pub fn cost(&self) -> Cost {
+        self.cost
+    }
+
+    /// The commands applied so far.
+    pub fn log(&self) -> &[Entry] {
+        &self.log
+    }
+
+    /// Torn springs, by index among all springs, sorted.
+    pub fn broken(&self) -> &[u32] {
+        on!(&self.cloth, c => &c.state.broken)
+    }
+
+    /// Number of springs that act: enabled and whole.
+    pub fn acting_springs(&self) -> usize {
+        on!(&self.cloth, c => c.problem.springs.len())
+    }
+
+    /// Positions, m.
+    pub fn positions(&self) -> Vec<DVec3> {
+        on!(&self.cloth, c => c.state.positions.iter().map(|p| p.to_f64()).collect())
+    }
+
+    /// Velocities, m/s.
+    pub fn velocities(&self) -> Vec<DVec3> {
+        on!(&self.cloth, c => c.state.velocities.iter().map(|v| v.to_f64()).collect())
+    }
+
+    /// Writes the positions (m) in single precision, as pictures need them, over `into`.
+    pub fn positions_f32(&self, into: &mut Vec<[f32; 3]>) {
+        into.clear();
+        on!(&self.cloth, c => into.extend(c.state.positions.iter().map(|p| p.to_f64().as_vec3().to_array())));
+    }
+
+    /// Writes |d|/L - 1 of every acting spring with its index among all springs over `into`.
+    pub fn strains(&self, into: &mut Vec<(u32, f32)>) {
+        into.clear();
+        on!(&self.cloth, c => {
+            let springs = &c.problem.springs;
+            into.extend((0..springs.len()).map(|s| {
+                let [i, j] = springs.pairs[s].map(|p| c.state.positions[p as usize]);
+                let (length, rest) = ((j - i).length().to_f64(), springs.rest[s].to_f64());
+                (springs.ids[s], if rest > 0.0 { (length / rest - 1.0) as f32 } else { 0.0 })
+            }));
+        });
+    }
+
+    /// Energies, momentum and strain of the current state.
+    pub fn measures(&self) -> Measures {
+        on!(&self.cloth, c => Measures::of(&c.problem, &c.state))
+    }
+
+    /// The extreme rates of the cloth in its current shape.
+    pub fn spectrum(&self) -> Spectrum {
+        on!(&self.cloth, c => Spectrum::of(&c.problem, &c.state))
+    }
+
+    /// Largest stable dt in theory of the scene's method in the current shape, s; none where theory sets no limit.
+    pub fn dt_limit(&self, spectrum: &Spectrum) -> Option<f64> {
+        on!(&self.cloth, c => c.stepper().dt_limit(spectrum))
+    }
+
+    /// A number that is the same for two worlds exactly when, short of a collision, every bit of their particles' state
+    /// is: FNV-1a (Fowler, Noll, Vo) over time, positions and velocities.
+    pub fn digest(&self) -> u64 {
+        let vectors = self.positions().into_iter().chain(self.velocities());
+        let words = vectors.flat_map(|v| v.to_array()).chain([self.time()]).map(f64::to_bits);
+        let torn = self.broken().iter().map(|id| u64::from(*id));
+        words.chain(torn).flat_map(u64::to_le_bytes).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        })
+    }
+}
+
+impl AnyState {
+    fn converted(self, precision: Precision) -> Self {
+        match (self, precision) {
+            (Self::Double(s), Precision::Single) => Self::Single(convert(&s)),
+            (Self::Single(s), Precision::Double) => Self::Double(convert(&s)),
+            (same, _) => same,
+        }
+    }
+
+    fn forget_torn(&mut self) {
+        match self {
+            Self::Single(s) => s.broken.clear(),
+            Self::Double(s) => s.broken.clear(),
+        }
+    }
+}
+
+fn convert<A: Real, B: Real>(state: &Particles<A>) -> Particles<B> {
+    let all = |from: &[A::Vec3]| from.iter().map(|v| B::Vec3::from_f64(v.to_f64())).collect();
+    Particles {
+        time: state.time,
+        positions: all(&state.positions),
+        velocities: all(&state.velocities),
+        broken: state.broken.clone(),
+    }
+}
+
+fn build_shape(scene: &Scene, place: &Place) -> Result<(Arc<Shape>, Arc<ImportReport>), Refusal> {
+    let Built { mesh, report } = scene.target.build(place)?;
+    let topology = Topology::of(&mesh);
+    Ok((Arc::new(Shape { mesh, topology }), Arc::new(report)))
+}
+
+fn build_cloth(scene: &Scene, shape: &Shape, state: Option<AnyState>) -> Result<AnyCloth, Refusal> {
+    let mass = scene.mass.of(&shape.mesh)?;
+    Ok(match (scene.precision, state.map(|s| s.converted(scene.precision))) {
+        (Precision::Single, Some(AnyState::Single(s))) => {
+            AnyCloth::Single(Cloth::new(scene, shape, &mass, Some(s))?)
+        }
+        (Precision::Double, Some(AnyState::Double(s))) => {
+            AnyCloth::Double(Cloth::new(scene, shape, &mass, Some(s))?)
+        }
+        (Precision::Single, _) => AnyCloth::Single(Cloth::new(scene, shape, &mass, None)?),
+        (Precision::Double, _) => AnyCloth::Double(Cloth::new(scene, shape, &mass, None)?),
+    })
+}
