@@ -27,7 +27,186 @@ pub struct Topology {
 
 impl Topology {
     /// Finds the springs of a mesh, in time linear in its size (up to sorting).
-    pub fn of(_mesh: &QuadMesh) -> Self {
-        Self::default()
+    ///
+    /// Stretch: the edges of the faces and the edges without a face. Shear: both diagonals of every quad. Bend: the two pairs
+    /// straight across a vertex inside exactly four quads; the two border neighbours of a vertex between exactly two quads; the two
+    /// neighbours of a particle inside a chain; and in a mesh without any quad the corners opposite an edge between two triangles.
+    pub fn of(mesh: &QuadMesh) -> Self {
+        let mut stretch = Pairs::with_capacity(mesh.corners().len() + mesh.edges().len());
+        let mut shear = Pairs::default();
+        for face in mesh.faces() {
+            stretch.push(face[face.len() - 1], face[0]);
+            for side in face.windows(2) {
+                stretch.push(side[0], side[1]);
+            }
+            if let [a, b, c, d] = *face {
+                shear.push(a, c);
+                shear.push(b, d);
+            }
+        }
+        for [a, b] in mesh.edges() {
+            stretch.push(*a, *b);
+        }
+        let has_quads = !shear.0.is_empty();
+        let bend = if has_quads { across_vertices(mesh) } else { across_edges(mesh) };
+        Self { pairs: [stretch.unique(), shear.unique(), bend.unique()] }
     }
+
+    /// The pairs of one kind.
+    pub fn of_kind(&self, kind: SpringKind) -> &[[u32; 2]] {
+        &self.pairs[kind as usize]
+    }
+}
+
+/// Pairs while they are collected, each as one number (low end first) because that sorts several times faster than a pair.
+#[derive(Default)]
+struct Pairs(Vec<u64>);
+
+impl Pairs {
+    fn with_capacity(capacity: usize) -> Self {
+        Self(Vec::with_capacity(capacity))
+    }
+
+    fn push(&mut self, a: u32, b: u32) {
+        self.0.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
+    }
+
+    fn unique(mut self) -> Vec<[u32; 2]> {
+        self.0.sort_unstable();
+        self.0.dedup();
+        self.0.iter().map(|pair| [(pair >> 32) as u32, *pair as u32]).collect()
+    }
+}
+
+/// The two neighbours of a particle along one face (or its one neighbour along a chain's edge), listed by particle.
+struct Wedges {
+    /// Start of each particle's wedges, with one more entry at the end.
+    starts: Vec<u32>,
+    wedges: Vec<Wedge>,
+}
+
+#[derive(Clone, Copy, Default)]
+struct Wedge {
+    ends: [u32; 2],
+    corners: u32,
+}
+
+impl Wedges {
+    fn of(mesh: &QuadMesh) -> Self {
+        let mut starts = vec![0; mesh.positions.len() + 1];
+        for corner in mesh.corners().iter().chain(mesh.edges().as_flattened()) {
+            starts[*corner as usize] += 1;
+        }
+        let mut end = 0;
+        for start in &mut starts {
+            end += *start;
+            *start = end;
+        }
+        // Every start now stands at the end of its list and walks back as the list is filled.
+        let mut wedges = vec![Wedge::default(); end as usize];
+        let mut put = |at: u32, wedge| {
+            starts[at as usize] -= 1;
+            wedges[starts[at as usize] as usize] = wedge;
+        };
+        for face in mesh.faces() {
+            for (i, at) in face.iter().enumerate() {
+                let ends = [face[(i + face.len() - 1) % face.len()], face[(i + 1) % face.len()]];
+                put(*at, Wedge { ends, corners: face.len() as u32 });
+            }
+        }
+        for [a, b] in mesh.edges() {
+            put(*a, Wedge { ends: [*b; 2], corners: 2 });
+            put(*b, Wedge { ends: [*a; 2], corners: 2 });
+        }
+        Self { starts, wedges }
+    }
+
+    fn each(&self) -> impl Iterator<Item = &[Wedge]> {
+        self.starts.windows(2).map(|w| &self.wedges[w[0] as usize..w[1] as usize])
+    }
+}
+
+fn across_vertices(mesh: &QuadMesh) -> Pairs {
+    let mut bend = Pairs::with_capacity(2 * mesh.positions.len());
+    for around in Wedges::of(mesh).each() {
+        if around.iter().all(|w| w.corners == 4) {
+            match *around {
+                [one, two] => {
+                    if let Some((a, b)) = border_ends(one.ends, two.ends) {
+                        bend.push(a, b);
+                    }
+                }
+                [first, ref rest @ ..] if rest.len() == 3 => {
+                    if let Some([right, opposite, left]) = ring(first.ends, rest) {
+                        bend.push(first.ends[0], opposite);
+                        bend.push(right, left);
+                    }
+                }
+                _ => {}
+            }
+        } else if let [Wedge { ends: [a, _], corners: 2 }, Wedge { ends: [b, _], corners: 2 }] = *around
+            && a != b
+        {
+            bend.push(a, b);
+        }
+    }
+    bend
+}
+
+/// What two wedges that share exactly one end do not share.
+fn border_ends(one: [u32; 2], two: [u32; 2]) -> Option<(u32, u32)> {
+    let other = |wedge: [u32; 2], end| if wedge[0] == end { wedge[1] } else { wedge[0] };
+    let mut shared = one.into_iter().filter(|end| two.contains(end));
+    match (shared.next(), shared.next()) {
+        (Some(end), None) => Some((other(one, end), other(two, end))),
+        _ => None,
+    }
+}
+
+/// Walks from wedge to wedge over shared ends: the second, third and fourth neighbour, if four wedges close one ring.
+fn ring(first: [u32; 2], rest: &[Wedge]) -> Option<[u32; 3]> {
+    let mut at = first[1];
+    let mut walked = [at; 3];
+    let mut used = [false; 3];
+    for step in 0..3 {
+        let next = (0..3).find(|i| !used[*i] && rest[*i].ends.contains(&at))?;
+        used[next] = true;
+        let [a, b] = rest[next].ends;
+        at = if a == at { b } else { a };
+        if step < 2 {
+            walked[step + 1] = at;
+        }
+    }
+    let distinct = walked[0] != walked[2] && first[0] != walked[1];
+    (at == first[0] && distinct).then_some(walked)
+}
+
+/// Corners opposite an edge between exactly two triangles; inside a chain, the two neighbours.
+fn across_edges(mesh: &QuadMesh) -> Pairs {
+    let mut bend = Pairs::default();
+    let mut sides = Vec::with_capacity(mesh.corners().len());
+    for face in mesh.faces() {
+        for (i, a) in face.iter().enumerate() {
+            let b = face[(i + 1) % face.len()];
+            let opposite = if face.len() == 3 { face[(i + 2) % 3] } else { u32::MAX };
+            sides.push((u64::from(*a.min(&b)) << 32 | u64::from(*a.max(&b)), opposite));
+        }
+    }
+    sides.sort_unstable();
+    for edge in sides.chunk_by(|one, two| one.0 == two.0) {
+        if let [(_, one), (_, two)] = *edge
+            && one != two
+            && one.max(two) != u32::MAX
+        {
+            bend.push(one, two);
+        }
+    }
+    for around in Wedges::of(mesh).each() {
+        if let [Wedge { ends: [a, _], corners: 2 }, Wedge { ends: [b, _], corners: 2 }] = *around
+            && a != b
+        {
+            bend.push(a, b);
+        }
+    }
+    bend
 }

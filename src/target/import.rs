@@ -1,0 +1,233 @@
+//! Imports a mesh file: reads it, mends it, and says what was found.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::mend::{Mended, Oddities, Whole, diagonal, mend};
+use super::recover_quads::{QuadRecovery, RecoveryMethod, recover};
+use super::{FaceCounts, QuadMesh, gltf, obj};
+
+/// How a mesh file is taken in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImportOptions {
+    /// Metres per unit of the file, > 0.
+    pub scale: f64,
+    /// Vertices nearer than this fraction of the bounding box's diagonal become one, 0 to 1; those at the same place always do.
+    /// More than 1e-6 may join what should stay apart.
+    pub weld: f64,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self { scale: 1.0, weld: 0.0 }
+    }
+}
+
+/// A mesh that was imported, with at least one face.
+#[derive(Clone, Debug)]
+pub struct Import {
+    /// The mesh in metres; particles in the order in which the faces first use them.
+    pub mesh: QuadMesh,
+    /// What was found and mended.
+    pub report: ImportReport,
+}
+
+/// What was found in a mesh file, and what was done to it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ImportReport {
+    /// Faces by size, after mending.
+    pub faces: FaceCounts,
+    /// Connected pieces.
+    pub components: usize,
+    /// What became of the triangles of a glTF file.
+    pub quad_recovery: QuadRecovery,
+    /// What was mended.
+    pub mended: Mended,
+    /// Sentences for the user: what was left out or guessed, or looks wrong.
+    pub warnings: Vec<String>,
+}
+
+/// Why a mesh file was refused. The message is one line: the file, the line or element where there is one, the offending value, and
+/// what would be accepted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{file}: {reason}")]
+pub struct ImportError {
+    file: String,
+    reason: String,
+}
+
+impl ImportError {
+    fn new(file: &str, reason: &str) -> Self {
+        // A file's name and what a file says may hold line ends and terminal codes.
+        let one_line = |text: &str| text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        Self { file: one_line(file), reason: one_line(reason) }
+    }
+}
+
+/// Imports a Wavefront OBJ (`.obj`) or glTF 2.0 (`.gltf`, `.glb`) file. Buffers of a glTF file are read from its own folder only.
+///
+/// # Errors
+/// Where the file cannot be read, is malformed, needs a glTF extension that is not supported, or holds no faces.
+pub fn import_file(path: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|e| ImportError::new(&name, &format!("cannot be read: {e}")))?;
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    import_bytes(&name, &bytes, Some(folder), options)
+}
+
+/// Imports a mesh from memory; the extension of `name` tells the format. Without a folder no other file is opened.
+///
+/// # Errors
+/// As [`import_file`].
+pub fn import_bytes(
+    name: &str,
+    bytes: &[u8],
+    folder: Option<&Path>,
+    options: &ImportOptions,
+) -> Result<Import, ImportError> {
+    import(name, bytes, folder, options).map_err(|reason| ImportError::new(name, &reason))
+}
+
+fn import(name: &str, bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Import, String> {
+    if !(options.scale.is_finite() && options.scale > 0.0) {
+        return Err(format!("scale {} is refused; a finite number above 0 would be accepted", options.scale));
+    }
+    if !(0.0..=1.0).contains(&options.weld) {
+        return Err(format!("weld {} is refused; 0 to 1 would be accepted", options.weld));
+    }
+    // Corners are counted in 32 bits, and no format spends less than a byte on one.
+    if u32::try_from(bytes.len()).is_err() {
+        return Err(format!("{} bytes are too many; up to 4 GiB would be accepted", bytes.len()));
+    }
+    let extension = Path::new(name).extension().and_then(|e| e.to_str()).unwrap_or_default();
+    let mut import = match extension.to_ascii_lowercase().as_str() {
+        "obj" => from_obj(bytes, options.weld)?,
+        "gltf" | "glb" => from_gltf(bytes, folder, options.weld)?,
+        _ => {
+            return Err(format!(
+                "the extension `{extension}` is not known; `.obj`, `.gltf` and `.glb` would be accepted"
+            ));
+        }
+    };
+    if import.mesh.face_count() == 0 {
+        let dropped = import.report.mended.degenerate_faces;
+        let but = if dropped > 0 { format!(" ({dropped} without area were dropped)") } else { String::new() };
+        return Err(format!("the mesh holds no faces{but}; triangles, quads or larger polygons would be accepted"));
+    }
+    for position in &mut import.mesh.positions {
+        *position *= options.scale;
+    }
+    finish(&mut import)?;
+    Ok(import)
+}
+
+fn from_obj(bytes: &[u8], weld: f64) -> Result<Import, String> {
+    let polygons = obj::read(bytes)?;
+    let Whole { mesh, mut mended, coarse_weld, .. } = mend(&polygons.mesh, weld)?;
+    mended.degenerate_faces += polygons.short_faces;
+    mended.loose_vertices += polygons.unused_vertices;
+    let mut report = ImportReport { mended, warnings: polygons.warnings, ..ImportReport::default() };
+    warn_of_coarse_weld(&mut report.warnings, coarse_weld);
+    Ok(Import { mesh, report })
+}
+
+/// Each mesh is welded and turned into quads in its own space, once, and then placed by every node that shows it.
+fn from_gltf(bytes: &[u8], folder: Option<&Path>, weld: f64) -> Result<Import, String> {
+    let scene = gltf::Scene::read(bytes, folder)?;
+    let mut import = Import { mesh: QuadMesh::default(), report: ImportReport::default() };
+    let mut whole_meshes: Vec<Option<(QuadMesh, QuadRecovery, Mended)>> = vec![None; scene.mesh_count()];
+    let mut budget = scene.budget();
+    for instance in scene.instances()? {
+        let cached = &mut whole_meshes[instance.mesh];
+        if cached.is_none() {
+            let triangles = scene.triangles(instance.mesh, &mut budget, &mut import.report.warnings)?;
+            let Whole { mesh, source_faces, mended, coarse_weld } = mend(&triangles.mesh, weld)?;
+            warn_of_coarse_weld(&mut import.report.warnings, coarse_weld);
+            let raw: Vec<[u32; 3]> = source_faces
+                .iter()
+                .filter_map(|f| triangles.mesh.face(*f as usize).try_into().ok())
+                .collect();
+            drop(triangles);
+            let (mesh, recovery) = recover(&mesh, &raw, scene.ngon_encoding());
+            *cached = Some((mesh, recovery, mended));
+        }
+        let Some((mesh, recovery, mended)) = cached else { continue };
+        budget.spend(mesh.positions.len() + mesh.corners().len())?;
+        let first = import.mesh.positions.len();
+        import.mesh.append(mesh);
+        for position in &mut import.mesh.positions[first..] {
+            *position = instance.transform.transform_point3(*position);
+        }
+        let (total, report) = (&mut import.report.mended, &mut import.report.quad_recovery);
+        report.method = report.method.max(recovery.method);
+        report.quads += recovery.quads;
+        report.triangles_left += recovery.triangles_left;
+        total.welded += mended.welded;
+        total.degenerate_faces += mended.degenerate_faces;
+        total.duplicate_faces += mended.duplicate_faces;
+        total.loose_vertices += mended.loose_vertices;
+    }
+    tell_recovery(&mut import.report);
+    Ok(import)
+}
+
+fn tell_recovery(report: &mut ImportReport) {
+    let QuadRecovery { method, quads, triangles_left } = report.quad_recovery;
+    report.warnings.extend(match method {
+        RecoveryMethod::None if triangles_left > 0 => Some(format!(
+            "glTF holds triangles only and no quads were found among these {triangles_left}; they get no shear springs"
+        )),
+        RecoveryMethod::Geometry => Some(format!(
+            "{quads} quads were guessed from the shape of the triangles ({triangles_left} stayed); check them, or use an OBJ file with quads"
+        )),
+        _ if triangles_left > 0 => {
+            Some(format!("{triangles_left} triangles stayed beside the {quads} quads that came back"))
+        }
+        _ => None,
+    });
+}
+
+fn warn_of_coarse_weld(warnings: &mut Vec<String>, ratio: Option<f64>) {
+    if let Some(ratio) = ratio {
+        warnings.push(format!(
+            "the weld tolerance is {ratio:.2} of the shortest edge, which may join what should stay apart; below 0.1 is safe"
+        ));
+    }
+}
+
+/// Counts what the mesh holds now that it stands in its place, and tells what looks wrong.
+fn finish(import: &mut Import) -> Result<(), String> {
+    let Import { mesh, report } = import;
+    if let Some(bad) = mesh.positions.iter().position(|p| !p.is_finite()) {
+        return Err(format!("particle {bad} is not finite after scale and transforms; a smaller scale would be accepted"));
+    }
+    for position in &mut mesh.positions {
+        // -0.0 becomes +0.0.
+        *position += glam::DVec3::ZERO;
+    }
+    let diagonal = diagonal(&mesh.positions)?;
+    let oddities = Oddities::of(mesh);
+    report.mended.non_manifold_edges = oddities.non_manifold_edges;
+    report.faces = mesh.face_counts();
+    report.components = mesh.components();
+    let mended = report.mended;
+    let mut count = |count: usize, what: &str| {
+        if count > 0 {
+            report.warnings.push(format!("{count} {what}"));
+        }
+    };
+    count(mended.degenerate_faces, "faces without area or with a repeated corner were cleaned or dropped");
+    count(mended.duplicate_faces, "faces that are there twice were dropped");
+    count(mended.loose_vertices, "vertices that no face uses were dropped");
+    count(mended.non_manifold_edges, "edges have three faces or more; no bend springs cross them");
+    count(oddities.pinched_particles, "particles join pieces that touch nowhere else");
+    count(oddities.crossed_quads, "quads cross themselves: their corners are out of order");
+    if !(1e-6..=1e6).contains(&diagonal) {
+        report.warnings.push(format!("the mesh is {diagonal:.1e} m across: check the scale"));
+    }
+    Ok(())
+}
