@@ -1,6 +1,7 @@
 //! Tenter: cloth simulation with its error, cost and stability measured.
 #![cfg_attr(not(test), warn(clippy::unwrap_used))]
 
+pub mod cli;
 pub mod forces;
 pub mod math;
 pub mod model;

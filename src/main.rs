@@ -1,2 +1,5 @@
-//! The `tenter` command.
-fn main() {}
+//! The `tenter` command: everything is in the library.
+
+fn main() -> std::process::ExitCode {
+    tenter::cli::main()
+}

@@ -8,4 +8,4 @@ pub mod springs;
 pub mod wind;
 
 pub use problem::{Cost, Problem, SpringSet};
-pub use spectrum::Spectrum;
+pub use spectrum::{Mode, Spectrum};

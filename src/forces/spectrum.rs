@@ -1,77 +1,113 @@
-//! The fastest frequency and the strongest damping of a cloth in its current shape: what limits an explicit step.
+//! The extreme motions of a cloth in its current shape: what limits an explicit step.
 //!
 //! For small motions around a shape, M x'' + D x' + K x = 0. K is the sum over springs of
 //! k [(1 - L/l) I + (L/l) n nᵀ] (l the current length, n the direction); D is c I plus the graph Laplacian of the springs
-//! times k_d. Largest eigenvalues of M⁻¹K and M⁻¹D come from the Lanczos iteration (Lanczos, "An iteration method for
-//! the solution of the eigenvalue problem of linear differential and integral operators", 1950) on the symmetric
-//! M^-1/2 K M^-1/2, with full reorthogonalisation.
+//! times k_d. The largest eigenvalue of a combination of M⁻¹K and M⁻¹D comes from the Lanczos iteration (Lanczos, "An
+//! iteration method for the solution of the eigenvalue problem of linear differential and integral operators", 1950) on
+//! the symmetric M^-1/2 (…) M^-1/2, with full reorthogonalisation.
 
 use super::Problem;
 use crate::math::{Real, Vector};
 use crate::model::Particles;
 use glam::DVec3;
 
-/// The extreme rates of a cloth in its current shape.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Small motions of a cloth around its current shape, in double precision.
+#[derive(Clone, Debug)]
 pub struct Spectrum {
-    /// Largest natural frequency, rad/s: the square root of the largest eigenvalue of M⁻¹K.
-    pub omega_max: f64,
-    /// Damping rate of the motion at that frequency, 1/s: x'' + g x' + ω² x = 0.
-    pub damping_at_omega_max: f64,
-    /// Largest damping rate of any motion, 1/s: the largest eigenvalue of M⁻¹D.
-    pub damping_max: f64,
+    /// 1/sqrt(m) of each particle, 0 where it cannot move.
+    inverse_root: Vec<f64>,
+    springs: Vec<Linear>,
+    /// k_d, kg/s.
+    spring_damping: f64,
+    /// c, kg/s.
+    air_damping: f64,
+}
+
+/// A spring in its current length.
+#[derive(Clone, Copy, Debug)]
+struct Linear {
+    ends: [u32; 2],
+    /// Its direction.
+    n: DVec3,
+    /// Stiffness along it, k, and across it, k (1 - L/l): negative where it is compressed, N/m.
+    along: f64,
+    across: f64,
+}
+
+/// A motion y: x'' + g x' + ω² x = 0 along it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Mode {
+    /// ω², 1/s².
+    pub omega_squared: f64,
+    /// g, 1/s.
+    pub damping: f64,
 }
 
 impl Spectrum {
-    /// The spectrum of a problem in a state. Costs about 40 force evaluations, in double precision.
+    /// The small motions around a state.
     pub fn of<T: Real>(problem: &Problem<T>, state: &Particles<T>) -> Self {
-        let inverse_root: Vec<f64> = problem.inverse_mass.iter().map(|w| w.to_f64().sqrt()).collect();
-        let x: Vec<DVec3> = state.positions.iter().map(|p| p.to_f64()).collect();
-        let weighted = |from: &[DVec3], to: &mut [DVec3], block: &dyn Fn(usize, DVec3, DVec3) -> DVec3| {
-            to.fill(DVec3::ZERO);
-            for (spring, pair) in problem.springs.pairs.iter().enumerate() {
-                let [i, j] = pair.map(|p| p as usize);
-                let difference = from[j] * inverse_root[j] - from[i] * inverse_root[i];
-                let f = block(spring, x[j] - x[i], difference);
-                to[i] -= f;
-                to[j] += f;
-            }
-            for (t, w) in to.iter_mut().zip(&inverse_root) {
-                *t *= *w;
-            }
-        };
-        let mut stiffness_of = vec![0.0; problem.springs.len()];
-        for group in &problem.springs.groups {
-            stiffness_of[group.range.clone()].fill(group.stiffness.to_f64());
-        }
-        let stiffness = |from: &[DVec3], to: &mut [DVec3]| {
-            weighted(from, to, &|spring, d, difference| {
-                let length = d.length();
-                if length == 0.0 {
-                    return DVec3::ZERO;
+        let springs = problem.springs.groups.iter().flat_map(|group| {
+            let k = group.stiffness.to_f64();
+            group.range.clone().map(move |s| (s, k))
+        });
+        let springs = springs
+            .map(|(s, k)| {
+                let ends = problem.springs.pairs[s];
+                let [a, b] = ends.map(|p| state.positions[p as usize].to_f64());
+                let length = (b - a).length();
+                if length > 0.0 {
+                    let across = k * (1.0 - problem.springs.rest[s].to_f64() / length);
+                    Linear { ends, n: (b - a) / length, along: k, across }
+                } else {
+                    Linear { ends, n: DVec3::ZERO, along: 0.0, across: 0.0 }
                 }
-                let ratio = problem.springs.rest[spring].to_f64() / length;
-                let n = d / length;
-                (difference * (1.0 - ratio) + n * (n.dot(difference) * ratio)) * stiffness_of[spring]
-            });
-        };
-        let (spring_damping, air) = (problem.spring_damping.to_f64(), problem.air_damping.to_f64());
-        let damping = |from: &[DVec3], to: &mut [DVec3]| {
-            weighted(from, to, &|_, _, difference| difference * spring_damping);
-            for ((t, f), w) in to.iter_mut().zip(from).zip(&inverse_root) {
-                *t += *f * (air * w * w);
-            }
-        };
-        let free = problem.inverse_mass.iter().filter(|w| **w > T::ZERO).count();
-        if free == 0 {
-            return Self::default();
+            })
+            .collect();
+        Self {
+            inverse_root: problem.inverse_mass.iter().map(|w| w.to_f64().sqrt()).collect(),
+            springs,
+            spring_damping: problem.spring_damping.to_f64(),
+            air_damping: problem.air_damping.to_f64(),
         }
-        let (top, mode) = largest_eigenvalue(x.len(), &inverse_root, &stiffness);
-        let mut damped = vec![DVec3::ZERO; x.len()];
-        damping(&mode, &mut damped);
-        let damping_at_omega_max = dot(&mode, &damped);
-        let (damping_max, _) = largest_eigenvalue(x.len(), &inverse_root, &damping);
-        Self { omega_max: top.max(0.0).sqrt(), damping_at_omega_max, damping_max: damping_max.max(0.0) }
+    }
+
+    /// Largest natural frequency, rad/s: the square root of the largest eigenvalue of M⁻¹K.
+    pub fn omega_max(&self) -> f64 {
+        self.extreme(1.0, 0.0).omega_squared.max(0.0).sqrt()
+    }
+
+    /// The motion for which a ω² + b g is largest. Costs about 40 force evaluations.
+    pub fn extreme(&self, a: f64, b: f64) -> Mode {
+        if self.inverse_root.iter().all(|w| *w == 0.0) {
+            return Mode::default();
+        }
+        let mode = top_eigenvector(&self.inverse_root, &|from, to| self.apply(a, b, from, to));
+        let rayleigh = |a: f64, b: f64| {
+            let mut image = vec![DVec3::ZERO; mode.len()];
+            self.apply(a, b, &mode, &mut image);
+            dot(&mode, &image)
+        };
+        Mode { omega_squared: rayleigh(1.0, 0.0), damping: rayleigh(0.0, 1.0) }
+    }
+
+    /// `to` = M^-1/2 (a K + b D) M^-1/2 `from`.
+    fn apply(&self, a: f64, b: f64, from: &[DVec3], to: &mut [DVec3]) {
+        let w = &self.inverse_root;
+        for (t, (f, w)) in to.iter_mut().zip(from.iter().zip(w)) {
+            *t = *f * (b * self.air_damping * w);
+        }
+        let damping = b * self.spring_damping;
+        for spring in &self.springs {
+            let [i, j] = spring.ends.map(|p| p as usize);
+            let d = from[j] * w[j] - from[i] * w[i];
+            let across = d * (a * spring.across + damping);
+            let f = across + spring.n * (a * (spring.along - spring.across) * spring.n.dot(d));
+            to[i] -= f;
+            to[j] += f;
+        }
+        for (t, w) in to.iter_mut().zip(w) {
+            *t *= *w;
+        }
     }
 }
 
@@ -79,16 +115,13 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }
 
-/// Largest eigenvalue of a symmetric operator and a unit vector of its eigenspace. `mask` is 0 where a particle cannot
-/// move. The start is a fixed pseudo-random vector, so the result is the same every time.
-fn largest_eigenvalue(
-    n: usize,
-    mask: &[f64],
-    apply: &dyn Fn(&[DVec3], &mut [DVec3]),
-) -> (f64, Vec<DVec3>) {
+/// A unit eigenvector of a symmetric operator for its largest eigenvalue. `mask` is 0 where a particle cannot move. The
+/// start is a fixed pseudo-random vector, so the result is the same every time.
+fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<DVec3> {
     /// Iterations at most, and the relative change of the eigenvalue at which they end.
-    const MOST: usize = 120;
-    const CHANGE: f64 = 1e-9;
+    const MOST: usize = 80;
+    const CHANGE: f64 = 1e-7;
+    let n = mask.len();
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = || {
         // xorshift64 (Marsaglia, "Xorshift RNGs", 2003): any fixed vector with all frequencies in it will do.
@@ -120,7 +153,8 @@ fn largest_eigenvalue(
             }
         }
         let beta = dot(&image, &image).sqrt();
-        if !(beta > 1e-13 * value.abs()) || (alphas.len() > 12 && (value - before).abs() <= CHANGE * value.abs()) {
+        let settled = alphas.len() > 12 && (value - before).abs() <= CHANGE * value.abs();
+        if beta.is_nan() || beta <= 1e-13 * value.abs() || settled {
             break;
         }
         betas.push(beta);
@@ -134,7 +168,7 @@ fn largest_eigenvalue(
     if size > 0.0 {
         mode.iter_mut().for_each(|m| *m /= size);
     }
-    (value, mode)
+    mode
 }
 
 /// Largest eigenvalue of the symmetric tridiagonal matrix, by bisection on the number of eigenvalues above.

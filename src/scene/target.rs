@@ -101,7 +101,11 @@ impl Target {
                 }
                 let upright = grid.plane == Plane::Vertical;
                 let mesh = target::grid(grid.columns, grid.rows, grid.spacing, upright);
-                let report = ImportReport::of(&mesh);
+                let report = ImportReport {
+                    faces: mesh.face_counts(),
+                    components: mesh.components(),
+                    ..ImportReport::default()
+                };
                 Ok(Built { mesh, report })
             }
             Self::Mesh(mesh) => {

@@ -40,15 +40,21 @@ impl Simulator for ExplicitEuler {
         }
     }
 
-    /// A motion x'' + g x' + ω² x = 0 has λ = (-g ± sqrt(g² - 4ω²)) / 2 and stays bounded while |1 + dt λ| ≤ 1:
-    /// dt ≤ g / ω² where it oscillates, dt ≤ 2 / |λ| where it creeps. The fastest and the most damped motion decide.
+    /// A motion x'' + g x' + ω² x = 0 stays bounded while dt ω² ≤ g (where it oscillates) and 2 dt g - dt² ω² ≤ 4 (where
+    /// it creeps), by Jury's criterion on z² - (2 - dt g) z + 1 - dt g + dt² ω². The motion that asks most is found by
+    /// taking the most critical one for a dt, and the dt that is right for that one, in turn.
     fn dt_limit(&self, spectrum: &Spectrum) -> Option<f64> {
-        let limit = |g: f64, omega: f64| {
-            let discriminant = g * g - 4.0 * omega * omega;
-            if discriminant < 0.0 { g / (omega * omega) } else { 4.0 / (g + discriminant.sqrt()) }
-        };
-        let fastest = limit(spectrum.damping_at_omega_max, spectrum.omega_max);
-        let most_damped = limit(spectrum.damping_max, 0.0);
-        Some(fastest.min(most_damped)).filter(|dt| dt.is_finite())
+        let creeping = spectrum.extreme(0.0, 1.0).damping;
+        let fastest = spectrum.extreme(1.0, 0.0);
+        let mut dt = fastest.damping / fastest.omega_squared;
+        for _ in 0..4 {
+            let mode = spectrum.extreme(dt, -1.0);
+            let next = dt.min(mode.damping / mode.omega_squared);
+            if dt - next <= 1e-6 * dt {
+                break;
+            }
+            dt = next;
+        }
+        Some(dt.min(2.0 / creeping).max(0.0)).filter(|dt| dt.is_finite())
     }
 }

@@ -4,7 +4,7 @@ use super::{Model, SimulatorSettings, Value};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
 use crate::model::Particles;
-use crate::params::{Params, Visitor};
+use crate::params::Visitor;
 use std::collections::BTreeMap;
 
 /// A method with its parameters and scratch, of one precision, ready to step.

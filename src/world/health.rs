@@ -147,12 +147,47 @@ fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
     broken.unwrap_or_else(fastest) as u32
 }
 
-/// Watches for particles that shake from step to step. Placeholder.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Jitter {}
+/// Watches for particles that shake from step to step: beyond the limit of stability the fastest motion turns round every
+/// step, and where the cloth is not linear it may stay bounded. Looks closely at a few steps out of many.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Jitter {
+    /// Particles that have turned round in every step of this look, with their last velocity, m/s.
+    shaking: Vec<(u32, DVec3)>,
+    /// Steps of this look so far.
+    looked: u64,
+}
+
+/// Steps from one look to the next.
+const LOOK_EVERY: u64 = 64;
+/// Steps in a row in which a particle must turn round: no smooth motion does so twice, chance hardly so often.
+const TURNS: u64 = 8;
+/// Cosine of the least angle that counts as turning round: 120 degrees, less than three steps a period.
+const TURN: f64 = -0.5;
+/// Least distance moved in a step, in spring lengths: far above rounding in single precision, below what the eye sees.
+const VISIBLE: f64 = 1e-4;
 
 impl Jitter {
-    pub fn step<T: Real>(&mut self, _: &Cloth<T>, _: u64, _: f64) -> Option<u32> {
-        None
+    /// Sees the step of `dt` (s) that ended in `cloth`; answers with a particle that shakes.
+    pub fn step<T: Real>(&mut self, cloth: &Cloth<T>, step: u64, dt: f64) -> Option<u32> {
+        let velocity = |p: u32| cloth.state.velocities[p as usize].to_f64();
+        if step % LOOK_EVERY == 0 && cloth.mean_rest > 0.0 {
+            self.looked = 0;
+            self.shaking.clear();
+            self.shaking.extend((0..cloth.state.len() as u32).map(|p| (p, velocity(p))));
+            return None;
+        }
+        let least = VISIBLE * cloth.mean_rest / dt;
+        self.shaking.retain_mut(|(p, before)| {
+            let now = velocity(*p);
+            let turned = now.dot(*before) < TURN * now.length() * before.length();
+            *before = now;
+            turned && now.length() > least
+        });
+        self.looked += 1;
+        let found = self.shaking.first().filter(|_| self.looked >= TURNS).map(|(p, _)| *p);
+        if self.looked >= TURNS {
+            self.shaking.clear();
+        }
+        found
     }
 }

@@ -87,7 +87,6 @@ pub struct Snapshot {
     anchor: (u64, f64),
     cost: Cost,
     ledger: Ledger,
-    jitter: Jitter,
     logged: usize,
 }
 
@@ -408,7 +407,6 @@ impl World {
             anchor: self.anchor,
             cost: self.cost,
             ledger: self.ledger,
-            jitter: self.jitter.clone(),
             logged: self.log.len(),
         }
     }
@@ -447,7 +445,7 @@ impl World {
         self.anchor = snapshot.anchor;
         self.cost = snapshot.cost;
         self.ledger = snapshot.ledger;
-        self.jitter.clone_from(&snapshot.jitter);
+        self.jitter = Jitter::default();
         self.fix_particles();
     }
 
@@ -481,6 +479,36 @@ impl World {
     /// What the import found and mended.
     pub fn report(&self) -> &ImportReport {
         &self.report
+    }
+
+    /// What the user should know before trusting a run, besides [`health`](Self::health): one sentence each.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = self.report.warnings.clone();
+        let Scene { dt, wind, precision, gravity, .. } = &self.scene;
+        if wind.enabled && wind.frequency * dt > 0.5 {
+            warnings.push(format!(
+                "wind at {} Hz changes faster than dt = {dt} s can follow; at most {} Hz can",
+                wind.frequency,
+                0.5 / dt
+            ));
+        }
+        if *precision == Precision::Single {
+            let far = self.mesh().positions.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+            // Half a unit in the last place is lost at each addition.
+            let resolution = far * f64::from(f32::EPSILON) / 2.0;
+            let rest = on!(&self.cloth, c => c.mean_rest);
+            if resolution > 1e-3 * rest && rest > 0.0 {
+                warnings.push(format!(
+                    "at {far} m from the origin single precision resolves {resolution:.1e} m, over a thousandth of a spring's {rest:.1e} m; Double does better"
+                ));
+            }
+            if gravity.enabled && *dt > 0.0 && gravity.magnitude * dt * dt < resolution {
+                warnings.push(format!(
+                    "a step of {dt} s is too short for single precision at {far} m from the origin: what gravity adds in one is lost; Double does better"
+                ));
+            }
+        }
+        warnings
     }
 
     /// For each particle, whether it is pinned.

@@ -1,0 +1,142 @@
+//! The command line: one file a command. Exit codes: 0 done, 1 input refused, 2 wrong usage, 3 diverged.
+
+mod info;
+mod listing;
+mod output;
+mod replay;
+mod run;
+
+use crate::scene::{Opened, Refusal, Target, open};
+use crate::world::World;
+use clap::{Args, Parser, Subcommand};
+use std::process::ExitCode;
+
+#[derive(Parser)]
+#[command(name = "tenter", version, about = "A workbench for cloth simulation that measures error, cost and stability.")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Scenes to open: .ron files, meshes, or names of built-in scenes.
+    #[arg(value_name = "SCENE")]
+    scenes: Vec<String>,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Runs a scene headless and says what became of it.
+    Run(run::Options),
+    /// Says what a scene or mesh holds: particles, springs, pins, mass, faces, dt limits.
+    Info(info::Options),
+    /// Lists the built-in scenes.
+    Scenes(listing::Options),
+    /// Lists the methods with their parameters, ranges and units.
+    Simulators(listing::Options),
+    /// Runs a recording again, to the same state bit for bit.
+    Replay(replay::Options),
+}
+
+/// Options that every command takes.
+#[derive(Args, Clone, Debug)]
+struct Common {
+    /// Sets a value of the scene by its path, as in springs.stretch.stiffness=500.
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    set: Vec<(String, String)>,
+    /// Writes the result to standard output as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Says nothing but errors.
+    #[arg(long)]
+    quiet: bool,
+    /// Threads to step on; the result does not depend on it [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
+}
+
+fn key_value(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text.split_once('=').ok_or("it has no '='; accepted: KEY=VALUE")?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
+/// How a command that did its work ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ending {
+    Done,
+    Diverged,
+}
+
+/// Runs the command that the process was started with.
+pub fn main() -> ExitCode {
+    // A panic is a defect of ours: whoever meets one gets a line to report, not a backtrace.
+    std::panic::set_hook(Box::new(|info| {
+        let place = info.location().map_or(String::new(), |l| format!(" at {}:{}", l.file(), l.line()));
+        let what = info.payload_as_str().unwrap_or("unknown");
+        output::complain(&format!("internal error{place}: {what}; please report it"));
+    }));
+    let line = match CommandLine::try_parse() {
+        Ok(line) => line,
+        Err(e) => e.exit(),
+    };
+    match std::panic::catch_unwind(|| dispatch(line)) {
+        Ok(Ok(Ending::Done)) => ExitCode::SUCCESS,
+        Ok(Ok(Ending::Diverged)) => ExitCode::from(3),
+        Ok(Err(refusal)) => {
+            output::complain(&refusal.to_string());
+            ExitCode::from(1)
+        }
+        Err(_) => ExitCode::from(1),
+    }
+}
+
+fn dispatch(line: CommandLine) -> Result<Ending, Refusal> {
+    match line.command {
+        Some(Command::Run(options)) => run::run(&options),
+        Some(Command::Info(options)) => info::info(&options),
+        Some(Command::Scenes(options)) => listing::scenes(&options),
+        Some(Command::Simulators(options)) => listing::simulators(&options),
+        Some(Command::Replay(options)) => replay::replay(&options),
+        None => run::without_window(&line.scenes, &line.common),
+    }
+}
+
+impl Common {
+    /// Opens a scene with the settings of the command line.
+    fn open(&self, name: &str) -> Result<Opened, Refusal> {
+        let mut opened = open(name)?;
+        for (key, value) in &self.set {
+            opened.scene.set_key(key, value).map_err(|e| e.at("--set"))?;
+            if let Target::Mesh(mesh) = &opened.scene.target
+                && key.starts_with("target")
+            {
+                opened.place.allow(&mesh.path);
+            }
+        }
+        Ok(opened)
+    }
+
+    /// A world at the start of an opened scene.
+    fn world(&self, opened: &Opened) -> Result<World, Refusal> {
+        let mut world = World::new(opened.scene.clone(), opened.place.clone()).map_err(|e| e.at(&opened.title))?;
+        if let Some(threads) = self.threads {
+            world.set_threads(threads as usize)?;
+        }
+        Ok(world)
+    }
+
+    /// Prints for people, unless told to be quiet or to speak JSON.
+    fn say(&self, text: &str) {
+        if !self.quiet && !self.json {
+            output::print(text);
+        }
+    }
+
+    fn warn(&self, warnings: &[String]) {
+        if !self.quiet {
+            for warning in warnings {
+                output::complain_of("warning", warning);
+            }
+        }
+    }
+}
