@@ -4,7 +4,8 @@
 //! triangles (exporters write a quad's two triangles one after the other), and geometry (two triangles that make a good rectangle).
 //! Order and geometry are rivals where nothing is declared: what makes the more regular sheet is kept.
 
-use std::collections::VecDeque;
+use std::cmp::Ordering;
+use std::collections::{BinaryHeap, VecDeque};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
@@ -45,6 +46,10 @@ const ORDER_REGULAR: f64 = 0.99;
 /// Geometry is believed while corners are off a right angle by less than this on average, radians. Rectangles are off by 0,
 /// pairs of equilateral triangles by 30 degrees: halfway between would refuse strongly sheared cloth, so nearer to the latter.
 const GEOMETRY_OFF: f64 = 25.0 / 180.0 * PI;
+/// What starting anew costs against continuing a quad, as [`misfit`].
+const NEW_START: f32 = 0.1;
+/// What a continuation costs that bends by a right angle.
+const BEND_COST: f32 = 0.25;
 /// How many triangles a search for an alternating path may visit; bounds its time.
 const PATH_VISITS: usize = 256;
 /// An alternating path may make the quads along it worse by this much on average, as [`misfit`].
@@ -87,13 +92,13 @@ fn pair(
     }
     let neighbours = Neighbours::of(positions, triangles);
     let mut by_geometry = vec![NONE; triangles.len()];
-    neighbours.pair_best_first(&mut by_geometry);
+    neighbours.pair_best_first(positions, triangles, &mut by_geometry);
     neighbours.pair_along_paths(&mut by_geometry);
 
     let mut by_order = by_order(positions, triangles, raw);
     let paired = by_order.iter().filter(|m| **m != NONE).count();
     if paired as f64 >= ORDER_SHARE * triangles.len() as f64 {
-        neighbours.pair_best_first(&mut by_order);
+        neighbours.pair_best_first(positions, triangles, &mut by_order);
         let regular = |mate: &[u32]| neighbours.regular_vertices(positions.len(), triangles, mate) as f64;
         if regular(&by_order) >= ORDER_REGULAR * regular(&by_geometry) {
             return (by_order, RecoveryMethod::Order);
@@ -192,6 +197,23 @@ fn angles(positions: &[DVec3], quad: [u32; 4]) -> [f64; 4] {
     [angle(a, p, q), angle(p, a, q) + angle(p, b, q), angle(b, p, q), angle(q, a, p) + angle(q, b, p)]
 }
 
+/// How much the sides of two quads bend where one continues the other: 0 straight on, 1 at right angles. Quads that do not lie
+/// side by side bend by 1.
+fn bend(positions: &[DVec3], here: [u32; 4], next: [u32; 4]) -> f64 {
+    let mut sum = 0.0;
+    let mut shared = 0;
+    for (i, corner) in here.iter().enumerate() {
+        let Some(j) = next.iter().position(|n| n == corner) else { continue };
+        let before = [here[(i + 1) % 4], here[(i + 3) % 4]].into_iter().find(|c| !next.contains(c));
+        let after = [next[(j + 1) % 4], next[(j + 3) % 4]].into_iter().find(|c| !here.contains(c));
+        let (Some(before), Some(after)) = (before, after) else { return 1.0 };
+        let [before, at, after] = [before, *corner, after].map(|c| positions[c as usize]);
+        sum += 1.0 - (at - before).normalize_or_zero().dot((after - at).normalize_or_zero());
+        shared += 1;
+    }
+    if shared == 2 { sum / 2.0 } else { 1.0 }
+}
+
 /// How far two triangles are from a flat rectangle, 0 for the perfect one: mean square of the corners' difference from a right
 /// angle (as a share of it), unequal opposite sides, and a little for the fold between them, as cloth does fold.
 fn misfit(positions: &[DVec3], quad: [u32; 4]) -> f64 {
@@ -215,6 +237,34 @@ fn mean_off(positions: &[DVec3], triangles: &[[u32; 3]], mate: &[u32]) -> f64 {
     let (sum, count) = quads.fold((0.0, 0_u32), |(sum, count), quad| (sum + off(quad), count + 1));
     sum / f64::from(count.max(1))
 }
+
+/// Two triangles that may become a quad; the queue gives the cheapest first, and of equal ones the first.
+struct Candidate {
+    cost: f32,
+    one: u32,
+    two: u32,
+}
+
+impl Ord for Candidate {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let order = self.cost.total_cmp(&other.cost).then((self.one, self.two).cmp(&(other.one, other.two)));
+        order.reverse()
+    }
+}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Candidate {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Candidate {}
 
 /// Which triangles share an edge that no third one uses, and how good a quad each two of them make.
 struct Neighbours {
@@ -256,16 +306,48 @@ impl Neighbours {
         self.of[t as usize].into_iter().filter(|n| n.0 != NONE)
     }
 
-    /// Pairs what is free, the best quads first.
-    fn pair_best_first(&self, mate: &mut [u32]) {
-        let is_free = |mate: &[u32], t: u32| mate[t as usize] == NONE;
-        let free = (0..self.of.len() as u32).filter(|t| is_free(mate, *t));
-        let pairs = free.flat_map(|t| self.around(t).map(move |(other, misfit)| (misfit, t, other)));
-        let mut pairs: Vec<_> = pairs.filter(|(_, t, other)| t < other && is_free(mate, *other)).collect();
-        pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        for (_, t, other) in pairs {
-            if is_free(mate, t) && is_free(mate, other) {
-                marry(mate, t as usize, other as usize);
+    /// Pairs what is free, the best quads first; a quad that continues one that is there already comes before one that starts anew.
+    fn pair_best_first(&self, positions: &[DVec3], triangles: &[[u32; 3]], mate: &mut [u32]) {
+        let mut queue = BinaryHeap::new();
+        for one in 0..mate.len() as u32 {
+            for (two, misfit) in self.around(one).filter(|n| one < n.0) {
+                queue.push(Candidate { cost: misfit + NEW_START, one, two });
+            }
+        }
+        for t in 0..mate.len() as u32 {
+            if mate[t as usize] > t {
+                self.queue_continuations(positions, triangles, mate, t, &mut queue);
+            }
+        }
+        while let Some(Candidate { one, two, .. }) = queue.pop() {
+            if mate[one as usize] == NONE && mate[two as usize] == NONE {
+                marry(mate, one as usize, two as usize);
+                self.queue_continuations(positions, triangles, mate, one, &mut queue);
+            }
+        }
+    }
+
+    /// Queues the free quads across the four sides of the one that triangle `t` belongs to, the straighter the sooner.
+    fn queue_continuations(
+        &self,
+        positions: &[DVec3],
+        triangles: &[[u32; 3]],
+        mate: &[u32],
+        t: u32,
+        queue: &mut BinaryHeap<Candidate>,
+    ) {
+        let partner = mate[t as usize];
+        if partner == NONE {
+            return;
+        }
+        let Some(here) = quad(triangles[t as usize], triangles[partner as usize]) else { return };
+        for (one, _) in self.around(t).chain(self.around(partner)) {
+            for (two, misfit) in self.around(one) {
+                if mate[one as usize] == NONE && mate[two as usize] == NONE {
+                    let next = quad(triangles[one as usize], triangles[two as usize]);
+                    let bend = next.map_or(1.0, |next| bend(positions, here, next));
+                    queue.push(Candidate { cost: misfit + BEND_COST * bend as f32, one, two });
+                }
             }
         }
     }
