@@ -261,11 +261,15 @@ impl<'a> Scene<'a> {
             };
             let node = element(nodes, *child, "node", "scene or node")?;
             if std::mem::replace(&mut visited[*child as usize], true) {
-                return Err(format!("node {child} is reached twice: nodes that form a tree would be accepted"));
+                return Err(format!(
+                    "node {child} is reached twice: nodes that form a tree would be accepted"
+                ));
             }
             let transform = *parent * node.transform();
             if !transform.is_finite() {
-                return Err(format!("node {child}: its transform is not finite; finite numbers would be accepted"));
+                return Err(format!(
+                    "node {child}: its transform is not finite; finite numbers would be accepted"
+                ));
             }
             if let Some(mesh) = node.mesh {
                 element(&self.document.meshes, mesh, "mesh", &format!("node {child}"))?;
@@ -293,7 +297,9 @@ impl<'a> Scene<'a> {
                 None => Mode::Triangles,
                 Some(Checked::Valid(mode)) => mode,
                 Some(Checked::Invalid) => {
-                    return Err(format!("{place}: its mode is not known; 4 (triangles), 5 or 6 would be accepted"));
+                    return Err(format!(
+                        "{place}: its mode is not known; 4 (triangles), 5 or 6 would be accepted"
+                    ));
                 }
             };
             if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
@@ -315,8 +321,8 @@ impl<'a> Scene<'a> {
             match mode {
                 Mode::TriangleStrip => {
                     // Every other triangle of a strip is wound the other way.
-                    let strip = (2..corners.len())
-                        .map(|i| [corner(i - 2 + i % 2), corner(i - 1 - i % 2), corner(i)]);
+                    let strip =
+                        (2..corners.len()).map(|i| [corner(i - 2 + i % 2), corner(i - 1 - i % 2), corner(i)]);
                     // Strips are linked by triangles without area.
                     triangles.extend(strip.filter(|[a, b, c]| a != b && b != c && c != a));
                 }
@@ -356,10 +362,14 @@ impl<'a> Scene<'a> {
         let place = format!("{place} POSITION (accessor {accessor})");
         let component = match (data.shape, data.component_type) {
             (Checked::Valid(Type::Vec3), Checked::Valid(GenericComponentType(component))) => component,
-            _ => return Err(format!("{place} is no VEC3 of a known component type, which would be accepted")),
+            _ => {
+                return Err(format!("{place} is no VEC3 of a known component type, which would be accepted"));
+            }
         };
-        let is_quantized =
-            matches!(component, ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16);
+        let is_quantized = matches!(
+            component,
+            ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16
+        );
         let document = &self.document;
         let declared = || document.extensions_used.iter().chain(&document.extensions_required);
         if component != ComponentType::F32 && !(is_quantized && declared().any(|e| e == QUANTIZATION)) {
@@ -399,7 +409,11 @@ impl<'a> Scene<'a> {
         let place = format!("{place} indices (accessor {accessor})");
         let component = match (data.shape, data.component_type) {
             (Checked::Valid(Type::Scalar), Checked::Valid(GenericComponentType(component))) => component,
-            _ => return Err(format!("{place} is no SCALAR of a known component type, which would be accepted")),
+            _ => {
+                return Err(format!(
+                    "{place} is no SCALAR of a known component type, which would be accepted"
+                ));
+            }
         };
         let (size, number) = index_reader(component, &place)?;
         let read = self.read_accessor(data, size, &place, budget, number)?;
@@ -440,16 +454,21 @@ impl<'a> Scene<'a> {
         let Some(sparse) = &accessor.sparse else { return Ok(elements) };
         let place = format!("{place} sparse");
         let Some(Checked::Valid(GenericComponentType(component))) = sparse.indices.component_type else {
-            return Err(format!("{place} indices have no known component type; 5121, 5123 or 5125 would be accepted"));
+            return Err(format!(
+                "{place} indices have no known component type; 5121, 5123 or 5125 would be accepted"
+            ));
         };
         let replaced = usize::try_from(sparse.count).unwrap_or(usize::MAX);
         if replaced > count {
-            return Err(format!("{place} count {replaced} is more than the {count} elements that would be accepted"));
+            return Err(format!(
+                "{place} count {replaced} is more than the {count} elements that would be accepted"
+            ));
         }
         let (index_size, index) = index_reader(component, &place)?;
         let indices =
             self.items(sparse.indices.buffer_view, sparse.indices.byte_offset, replaced, index_size, &place)?;
-        let values = self.items(sparse.values.buffer_view, sparse.values.byte_offset, replaced, size, &place)?;
+        let values =
+            self.items(sparse.values.buffer_view, sparse.values.byte_offset, replaced, size, &place)?;
         for (at, value) in indices.map(|bytes| index(bytes)).zip(values) {
             *elements.get_mut(at as usize).ok_or_else(|| {
                 format!("{place} index {at} is out of range; 0 to {} would be accepted", count - 1)
@@ -485,7 +504,9 @@ impl<'a> Scene<'a> {
         let bytes = &buffer[range];
         let stride = data.byte_stride.unwrap_or(size as u64);
         if stride < size as u64 || stride > 252 {
-            return Err(format!("bufferView {view}: byteStride {stride} is refused; {size} to 252 would be accepted"));
+            return Err(format!(
+                "bufferView {view}: byteStride {stride} is refused; {size} to 252 would be accepted"
+            ));
         }
         let length = match count {
             0 => Some(0),
@@ -508,7 +529,9 @@ impl<'a> Scene<'a> {
             (_, Some(loaded), _) => loaded,
             (None, _, Some(binary)) if index == 0 => binary,
             (None, ..) => {
-                return Err(format!("buffer {index} has no data; a uri, or the binary chunk of a .glb, would be accepted"));
+                return Err(format!(
+                    "buffer {index} has no data; a uri, or the binary chunk of a .glb, would be accepted"
+                ));
             }
             (Some(uri), None, _) => {
                 let bytes = self.load(uri).map_err(|e| format!("buffer {index}: {e}"))?;
@@ -527,7 +550,8 @@ impl<'a> Scene<'a> {
     fn load(&self, uri: &str) -> Result<Rc<[u8]>, String> {
         if let Some(data) = uri.strip_prefix("data:") {
             let encoded = data.split_once(',').filter(|(kind, _)| kind.ends_with(";base64"));
-            let (_, text) = encoded.ok_or("a data uri without base64; `data:...;base64,...` would be accepted")?;
+            let (_, text) =
+                encoded.ok_or("a data uri without base64; `data:...;base64,...` would be accepted")?;
             return Ok(decode_base64(text)?.into());
         }
         let path = self.path_in_folder(uri)?;
@@ -593,19 +617,23 @@ fn split_binary(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
         return Err(refused(format!("length {length} is less than its header")));
     }
     let whole = bytes.get(..length as usize);
-    let whole = whole.ok_or_else(|| refused(format!("length {length} is more than its {} bytes", bytes.len())))?;
+    let whole =
+        whole.ok_or_else(|| refused(format!("length {length} is more than its {} bytes", bytes.len())))?;
     let glb = gltf::Glb::from_slice(whole).map_err(|e| refused(e.to_string()))?;
     match (glb.json, glb.bin) {
         (std::borrow::Cow::Borrowed(json), None) => Ok((json, None)),
-        (std::borrow::Cow::Borrowed(json), Some(std::borrow::Cow::Borrowed(binary))) => Ok((json, Some(binary))),
+        (std::borrow::Cow::Borrowed(json), Some(std::borrow::Cow::Borrowed(binary))) => {
+            Ok((json, Some(binary)))
+        }
         _ => Err(refused("its chunks are not in the file".to_owned())),
     }
 }
 
 /// An element that something refers to by its number.
 fn element<'e, T>(all: &'e [T], index: u32, kind: &str, place: &str) -> Result<&'e T, String> {
-    all.get(index as usize)
-        .ok_or_else(|| format!("{place} names {kind} {index}, which does not exist; the file has {}", all.len()))
+    all.get(index as usize).ok_or_else(|| {
+        format!("{place} names {kind} {index}, which does not exist; the file has {}", all.len())
+    })
 }
 
 /// Size in bytes of an index of this type, and how it is read.
@@ -665,7 +693,9 @@ fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
             b'/' => 63,
             _ => {
                 let symbol = char::from(*symbol).escape_debug();
-                return Err(format!("base64 symbol `{symbol}` at {at} is refused; A-Z a-z 0-9 + / would be accepted"));
+                return Err(format!(
+                    "base64 symbol `{symbol}` at {at} is refused; A-Z a-z 0-9 + / would be accepted"
+                ));
             }
         };
         bits = bits << 6 | u32::from(value);

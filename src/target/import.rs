@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::mend::{Mended, Oddities, Whole, diagonal, mend};
-use super::recover_quads::{QuadRecovery, RecoveryMethod, recover};
+use super::recover_quads::{QuadRecovery, Recovered, RecoveryMethod, recover};
 use super::{FaceCounts, QuadMesh, gltf, obj};
 
 /// How a mesh file is taken in.
@@ -92,7 +92,12 @@ pub fn import_bytes(
     import(name, bytes, folder, options).map_err(|reason| ImportError::new(name, &reason))
 }
 
-fn import(name: &str, bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Import, String> {
+fn import(
+    name: &str,
+    bytes: &[u8],
+    folder: Option<&Path>,
+    options: &ImportOptions,
+) -> Result<Import, String> {
     if !(options.scale.is_finite() && options.scale > 0.0) {
         return Err(format!("scale {} is refused; a finite number above 0 would be accepted", options.scale));
     }
@@ -116,7 +121,9 @@ fn import(name: &str, bytes: &[u8], folder: Option<&Path>, options: &ImportOptio
     if import.mesh.face_count() == 0 {
         let dropped = import.report.mended.degenerate_faces;
         let but = if dropped > 0 { format!(" ({dropped} without area were dropped)") } else { String::new() };
-        return Err(format!("the mesh holds no faces{but}; triangles, quads or larger polygons would be accepted"));
+        return Err(format!(
+            "the mesh holds no faces{but}; triangles, quads or larger polygons would be accepted"
+        ));
     }
     for position in &mut import.mesh.positions {
         *position *= options.scale;
@@ -152,7 +159,13 @@ fn from_gltf(bytes: &[u8], folder: Option<&Path>, weld: f64) -> Result<Import, S
                 .filter_map(|f| triangles.mesh.face(*f as usize).try_into().ok())
                 .collect();
             drop(triangles);
-            let (mesh, recovery) = recover(&mesh, &raw, scene.ngon_encoding());
+            let Recovered { mesh, recovery, is_suspicious } = recover(&mesh, &raw, scene.ngon_encoding());
+            if is_suspicious {
+                import.report.warnings.push(format!(
+                    "the {} quads of mesh {} are far from rectangles: they may be pairs of true triangles",
+                    recovery.quads, instance.mesh
+                ));
+            }
             *cached = Some((mesh, recovery, mended));
         }
         let Some((mesh, recovery, mended)) = cached else { continue };
@@ -203,7 +216,9 @@ fn warn_of_coarse_weld(warnings: &mut Vec<String>, ratio: Option<f64>) {
 fn finish(import: &mut Import) -> Result<(), String> {
     let Import { mesh, report } = import;
     if let Some(bad) = mesh.positions.iter().position(|p| !p.is_finite()) {
-        return Err(format!("particle {bad} is not finite after scale and transforms; a smaller scale would be accepted"));
+        return Err(format!(
+            "particle {bad} is not finite after scale and transforms; a smaller scale would be accepted"
+        ));
     }
     for position in &mut mesh.positions {
         // -0.0 becomes +0.0.

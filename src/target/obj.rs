@@ -29,7 +29,11 @@ pub(super) fn read(bytes: &[u8]) -> Result<Polygons, String> {
     let (models, _) = loaded.map_err(|error| match error {
         LoadError::FaceVertexOutOfBounds => first_bad_index(bytes),
         LoadError::PositionParseError => {
-            format!("line {}: {} is not a vertex; `v` and three numbers would be accepted", lines.number, lines.quoted())
+            format!(
+                "line {}: {} is not a vertex; `v` and three numbers would be accepted",
+                lines.number,
+                lines.quoted()
+            )
         }
         LoadError::FaceParseError => {
             let quoted = lines.quoted();
@@ -59,7 +63,10 @@ pub(super) fn read(bytes: &[u8]) -> Result<Polygons, String> {
     }
     let mut warnings = Vec::new();
     if lines.strokes > 0 {
-        warnings.push(format!("{} `l` and `p` lines (strokes and points) are not cloth and were left out", lines.strokes));
+        warnings.push(format!(
+            "{} `l` and `p` lines (strokes and points) are not cloth and were left out",
+            lines.strokes
+        ));
     }
     Ok(Polygons {
         unused_vertices: lines.vertices - mesh.positions.len(),
@@ -142,7 +149,8 @@ impl<'a> Lines<'a> {
             self.line.push(b' ');
             let end = if is_vertex { None } else { word.iter().position(|b| *b == b'/') };
             // Bytes that are no text stay as something that is no number either.
-            self.line.extend_from_slice(String::from_utf8_lossy(&word[..end.unwrap_or(word.len())]).as_bytes());
+            self.line
+                .extend_from_slice(String::from_utf8_lossy(&word[..end.unwrap_or(word.len())]).as_bytes());
             if end == Some(0) {
                 self.line.push(b'/');
             }
@@ -228,7 +236,11 @@ fn first_bad_vertex(bytes: &[u8]) -> String {
         let text = String::from_utf8_lossy(&lines.line);
         let is_bad = |word: &str| word.parse::<f64>().is_ok_and(|x| !x.is_finite());
         if lines.line[0] == b'v' && text.split_ascii_whitespace().skip(1).any(is_bad) {
-            return format!("line {}: {} is not finite; three finite numbers would be accepted", lines.number, lines.quoted());
+            return format!(
+                "line {}: {} is not finite; three finite numbers would be accepted",
+                lines.number,
+                lines.quoted()
+            );
         }
     }
     "a vertex is not finite; finite coordinates would be accepted".to_owned()

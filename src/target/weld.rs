@@ -39,7 +39,8 @@ fn weld_nearby(positions: &[DVec3], exact: Vec<u32>, tolerance: f64) -> Vec<u32>
         let cell = ((positions[i] - low) / tolerance).to_array().map(|x| x as i64);
         let mut nearest: Option<(f64, u32)> = None;
         for offset in 0..27 {
-            let neighbour = [0, 1, 2].map(|axis| cell[axis] + [offset / 9, offset / 3 % 3, offset % 3][axis] - 1);
+            let neighbour =
+                [0, 1, 2].map(|axis| cell[axis] + [offset / 9, offset / 3 % 3, offset % 3][axis] - 1);
             let mut at = latest.get(&neighbour).copied().unwrap_or(NONE);
             while at != NONE {
                 let distance = positions[i].distance(positions[at as usize]);
