@@ -353,11 +353,7 @@ impl<P: Params> Param for P {
         from.deserialize_struct(P::NAME, P::FIELDS, InPlace(self))
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
-        if path.is_empty() {
-            set_whole(self, info, text)
-        } else {
-            self.set(path, text)
-        }
+        if path.is_empty() { set_whole(self, info, text) } else { self.set(path, text) }
     }
     fn accept(&mut self, info: &'static Info, default: &Self, visitor: &mut dyn Visitor) {
         visitor.group(info, &mut |inside| self.visit_with(default, inside));

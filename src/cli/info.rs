@@ -70,8 +70,7 @@ fn stability(world: &World) -> Result<Stability, Refusal> {
     let chosen = &world.scene().simulator;
     let mut dt_limit = BTreeMap::new();
     for entry in simulators::ALL {
-        let settings =
-            if entry.id == chosen.id { chosen.clone() } else { SimulatorSettings::new(entry.id) };
+        let settings = if entry.id == chosen.id { chosen.clone() } else { SimulatorSettings::new(entry.id) };
         let limit = <f64 as Build>::build(&settings)?.dt_limit(&spectrum);
         dt_limit.extend(limit.map(|limit| (entry.id, limit)));
     }
@@ -126,7 +125,11 @@ fn summary(info: &Info, title: &str) -> String {
     if let Some(stability) = &info.stability {
         let limits: Vec<_> =
             stability.dt_limit.iter().map(|(id, limit)| format!("{id} {limit:.5} s")).collect();
-        text += &format!("fastest motion: {:.2} rad/s; longest stable dt: {}\n", stability.omega_max, limits.join(", "));
+        text += &format!(
+            "fastest motion: {:.2} rad/s; longest stable dt: {}\n",
+            stability.omega_max,
+            limits.join(", ")
+        );
     }
     for warning in &report.warnings {
         text += &format!("warning: {warning}\n");

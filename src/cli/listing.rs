@@ -18,8 +18,7 @@ pub struct Options {
 pub fn scenes(options: &Options) -> Result<Ending, Refusal> {
     let common = &options.common;
     if common.json {
-        let list: Vec<_> =
-            builtin::ALL.iter().map(|s| json!({"name": s.name, "about": s.about})).collect();
+        let list: Vec<_> = builtin::ALL.iter().map(|s| json!({"name": s.name, "about": s.about})).collect();
         output::print(&output::json(&list)?);
     }
     for scene in builtin::ALL {

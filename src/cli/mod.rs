@@ -12,7 +12,11 @@ use clap::{Args, Parser, Subcommand};
 use std::process::ExitCode;
 
 #[derive(Parser)]
-#[command(name = "tenter", version, about = "A workbench for cloth simulation that measures error, cost and stability.")]
+#[command(
+    name = "tenter",
+    version,
+    about = "A workbench for cloth simulation that measures error, cost and stability."
+)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 struct CommandLine {
     #[command(subcommand)]
@@ -118,7 +122,8 @@ impl Common {
 
     /// A world at the start of an opened scene.
     fn world(&self, opened: &Opened) -> Result<World, Refusal> {
-        let mut world = World::new(opened.scene.clone(), opened.place.clone()).map_err(|e| e.at(&opened.title))?;
+        let mut world =
+            World::new(opened.scene.clone(), opened.place.clone()).map_err(|e| e.at(&opened.title))?;
         if let Some(threads) = self.threads {
             world.set_threads(threads as usize)?;
         }

@@ -48,7 +48,8 @@ impl Pending {
 
     /// Writes the content and puts the file into its place.
     pub fn finish(mut self, content: &[u8]) -> Result<(), Refusal> {
-        let failed = |e: std::io::Error| Refusal::new(format!("{}: cannot be written: {e}", self.path.display()));
+        let failed =
+            |e: std::io::Error| Refusal::new(format!("{}: cannot be written: {e}", self.path.display()));
         self.file.write_all(content).and_then(|()| self.file.as_file().sync_all()).map_err(failed)?;
         self.file.persist(&self.path).map_err(|e| failed(e.error))?;
         Ok(())

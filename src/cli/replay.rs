@@ -29,19 +29,20 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
         world.set_threads(threads as usize)?;
     }
     let mut finished = false;
-    let (world, ending) = execute(world, &options.results, &options.common, &name.to_string(), |world, tick| {
-        let mut next = 0;
-        recording.apply_due(world, &mut next).map_err(|e| e.at(&name))?;
-        while world.steps() < recording.steps {
-            world.step();
+    let (world, ending) =
+        execute(world, &options.results, &options.common, &name.to_string(), |world, tick| {
+            let mut next = 0;
             recording.apply_due(world, &mut next).map_err(|e| e.at(&name))?;
-            if !tick(world) {
-                return Ok(recording.steps);
+            while world.steps() < recording.steps {
+                world.step();
+                recording.apply_due(world, &mut next).map_err(|e| e.at(&name))?;
+                if !tick(world) {
+                    return Ok(recording.steps);
+                }
             }
-        }
-        finished = true;
-        Ok(recording.steps)
-    })?;
+            finished = true;
+            Ok(recording.steps)
+        })?;
     if finished && options.common.set.is_empty() && !recording.agrees(&world) {
         return Err(Refusal::new(format!(
             "{name}: replaying it did not end in the state that was recorded (digest {}, now {:016x})",

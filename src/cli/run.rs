@@ -205,7 +205,13 @@ impl SpringCounts {
 }
 
 impl<'a> RunResult<'a> {
-    fn of(world: &'a World, wall_seconds: f64, threads: usize, positions: bool, warnings: Vec<String>) -> Self {
+    fn of(
+        world: &'a World,
+        wall_seconds: f64,
+        threads: usize,
+        positions: bool,
+        warnings: Vec<String>,
+    ) -> Self {
         let scene = world.scene();
         let measures = world.measures();
         let arrays = |vectors: Vec<glam::DVec3>| vectors.into_iter().map(|v| v.to_array()).collect();
@@ -243,7 +249,9 @@ impl<'a> RunResult<'a> {
         let health = match self.health {
             Health::Ok => "ok".to_owned(),
             Health::Unsettled { step, time, particle } => {
-                format!("unsettled: particle {particle} shakes since step {step} ({time:.4} s); dt is too long for this stiffness")
+                format!(
+                    "unsettled: particle {particle} shakes since step {step} ({time:.4} s); dt is too long for this stiffness"
+                )
             }
             Health::Diverged { step, time, particle } => format!(
                 "diverged in step {step} ({time:.4} s) at particle {particle}; what is shown is the last good state"

@@ -130,8 +130,10 @@ fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<
         seed ^= seed << 17;
         (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
     };
-    let mut start: Vec<DVec3> =
-        mask.iter().map(|m| if *m > 0.0 { DVec3::new(random(), random(), random()) } else { DVec3::ZERO }).collect();
+    let mut start: Vec<DVec3> = mask
+        .iter()
+        .map(|m| if *m > 0.0 { DVec3::new(random(), random(), random()) } else { DVec3::ZERO })
+        .collect();
     let size = dot(&start, &start).sqrt();
     start.iter_mut().for_each(|c| *c /= size);
 
@@ -174,7 +176,8 @@ fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<
 /// Largest eigenvalue of the symmetric tridiagonal matrix, by bisection on the number of eigenvalues above.
 fn ritz(alphas: &[f64], betas: &[f64]) -> f64 {
     let off = |i: usize| betas.get(i).copied().unwrap_or(0.0);
-    let radius = |i: usize| if i > 0 { off(i - 1) } else { 0.0 } + if i + 1 < alphas.len() { off(i) } else { 0.0 };
+    let radius =
+        |i: usize| if i > 0 { off(i - 1) } else { 0.0 } + if i + 1 < alphas.len() { off(i) } else { 0.0 };
     let mut low = f64::INFINITY;
     let mut high = f64::NEG_INFINITY;
     for (i, a) in alphas.iter().enumerate() {

@@ -123,8 +123,7 @@ fn scatter_pass<T: Real, const DAMPED: bool>(
         let range = group.range.clone();
         for (pair, &rest) in springs.pairs[range.clone()].iter().zip(&springs.rest[range]) {
             let [i, j] = pair.map(|p| p as usize);
-            let f =
-                pull::<T, DAMPED>([x[i], x[j]], || [v[i], v[j]], rest, group.stiffness, damping);
+            let f = pull::<T, DAMPED>([x[i], x[j]], || [v[i], v[j]], rest, group.stiffness, damping);
             force[i] += f;
             force[j] -= f;
         }

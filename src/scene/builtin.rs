@@ -46,11 +46,7 @@ pub static ALL: &[Builtin] = &[
         about: "Verlet with 50 sweeps of relaxation: the same cloth looks stiff.",
         make: || verlet(50),
     },
-    Builtin {
-        name: "flag",
-        about: "A flag held by its pole edge in gusts of wind.",
-        make: flag,
-    },
+    Builtin { name: "flag", about: "A flag held by its pole edge in gusts of wind.", make: flag },
     Builtin {
         name: "tearing",
         about: "A heavy sheet tears where its springs pass three times their rest length.",
@@ -66,11 +62,7 @@ pub static ALL: &[Builtin] = &[
         about: "The same cylinder from a glTF file: its triangles become quads again.",
         make: || cylinder("asset:cylinder_20x5.gltf"),
     },
-    Builtin {
-        name: "skirt",
-        about: "A skirt of 1800 particles, held at the waist.",
-        make: skirt,
-    },
+    Builtin { name: "skirt", about: "A skirt of 1800 particles, held at the waist.", make: skirt },
     Builtin {
         name: "cape",
         about: "A cape of quads and triangles, held at the collar, in a breeze.",
@@ -135,12 +127,7 @@ fn flag() -> Scene {
             damping: 0.002,
         },
         air_damping: 0.0005,
-        wind: Wind {
-            enabled: true,
-            strength: 0.01,
-            frequency: 0.6,
-            direction: DVec3::new(0.9, 0.1, 0.4),
-        },
+        wind: Wind { enabled: true, strength: 0.01, frequency: 0.6, direction: DVec3::new(0.9, 0.1, 0.4) },
         dt: 0.001,
         ..Scene::default()
     }
@@ -159,10 +146,7 @@ fn tearing() -> Scene {
 fn cylinder(path: &str) -> Scene {
     Scene {
         target: Target::mesh(path),
-        pins: Pins::of([
-            Pin::Nearest(DVec3::new(4.0, 2.5, 0.0)),
-            Pin::Nearest(DVec3::new(-4.0, 2.5, 0.0)),
-        ]),
+        pins: Pins::of([Pin::Nearest(DVec3::new(4.0, 2.5, 0.0)), Pin::Nearest(DVec3::new(-4.0, 2.5, 0.0))]),
         ..Scene::default()
     }
 }
@@ -193,12 +177,7 @@ fn skirt() -> Scene {
 
 fn cape() -> Scene {
     Scene {
-        wind: Wind {
-            enabled: true,
-            strength: 0.004,
-            frequency: 0.3,
-            direction: DVec3::new(0.2, 0.1, -1.0),
-        },
+        wind: Wind { enabled: true, strength: 0.004, frequency: 0.3, direction: DVec3::new(0.2, 0.1, -1.0) },
         ..garment("asset:cape_mixed.obj", Pins::of([Pin::Top(0.03)]))
     }
 }

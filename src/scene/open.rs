@@ -123,9 +123,7 @@ pub fn read_limited(path: &Path) -> Result<String, Refusal> {
 
 fn text_of(from: impl Read, name: &str) -> Result<String, Refusal> {
     let mut bytes = Vec::new();
-    from.take(LARGEST_TEXT + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| Refusal::new(format!("{name}: {e}")))?;
+    from.take(LARGEST_TEXT + 1).read_to_end(&mut bytes).map_err(|e| Refusal::new(format!("{name}: {e}")))?;
     if bytes.len() as u64 > LARGEST_TEXT {
         return Err(Refusal::new(format!("{name}: is larger than {} MiB", LARGEST_TEXT >> 20)));
     }

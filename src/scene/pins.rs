@@ -89,7 +89,10 @@ impl Pin {
             if index < count {
                 Ok(index as usize)
             } else {
-                Err(Refusal::new(format!("pins: {self:?}, but the {what}s are 0 to {}", count.saturating_sub(1))))
+                Err(Refusal::new(format!(
+                    "pins: {self:?}, but the {what}s are 0 to {}",
+                    count.saturating_sub(1)
+                )))
             }
         };
         let positions = &mesh.positions;

@@ -183,7 +183,7 @@ impl Param for SimulatorSettings {
             ("id", "") => {
                 let id = text.trim().trim_matches('"');
                 let entry = find(id)?;
-                self.id = id.to_owned();
+                id.clone_into(&mut self.id);
                 // What the new method does not know means nothing to it.
                 self.params.retain(|name, _| entry.params.contains(&name.as_str()));
                 self.check().or_else(|_| {

@@ -100,7 +100,9 @@ mod tests {
 
     #[test]
     fn a_flick_throws_equally_at_30_and_240_frames_per_second() {
-        for (rate, dt) in [(30.0, 1.0 / 240.0), (240.0, 1.0 / 240.0), (30.0, 1.0 / 30.0), (60.0, 1.0 / 7680.0)] {
+        for (rate, dt) in
+            [(30.0, 1.0 / 240.0), (240.0, 1.0 / 240.0), (30.0, 1.0 / 30.0), (60.0, 1.0 / 7680.0)]
+        {
             let v = flick(rate, dt);
             // Even motion: any mean over the window is exact up to rounding.
             assert!((v - DVec3::X * 3.0).length() < 1e-9, "{rate} frames/s, dt {dt}: {v}");

@@ -108,7 +108,8 @@ impl Ledger {
             let mut work = 0.0;
             for &[other, spring] in cloth.problem.incidence().around(particle as usize) {
                 let spring = spring as usize;
-                let (anchor, rest) = (state.positions[other as usize].to_f64(), springs.rest[spring].to_f64());
+                let (anchor, rest) =
+                    (state.positions[other as usize].to_f64(), springs.rest[spring].to_f64());
                 let group = springs.groups.iter().find(|g| g.range.contains(&spring));
                 let k = group.map_or(0.0, |g| g.stiffness.to_f64());
                 let energy = |x: DVec3| 0.5 * k * ((x - anchor).length() - rest).powi(2);
@@ -170,7 +171,7 @@ impl Jitter {
     /// Sees the step of `dt` (s) that ended in `cloth`; answers with a particle that shakes.
     pub fn step<T: Real>(&mut self, cloth: &Cloth<T>, step: u64, dt: f64) -> Option<u32> {
         let velocity = |p: u32| cloth.state.velocities[p as usize].to_f64();
-        if step % LOOK_EVERY == 0 && cloth.mean_rest > 0.0 {
+        if step.is_multiple_of(LOOK_EVERY) && cloth.mean_rest > 0.0 {
             self.looked = 0;
             self.shaking.clear();
             self.shaking.extend((0..cloth.state.len() as u32).map(|p| (p, velocity(p))));

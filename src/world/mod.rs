@@ -181,7 +181,9 @@ impl World {
                 }
                 let hand = self.hands.iter_mut().find(|h| h.particle == *particle);
                 let hand = hand.ok_or_else(|| {
-                    Refusal::new(format!("drag of particle {particle}, which no hand holds; accepted: one grabbed before"))
+                    Refusal::new(format!(
+                        "drag of particle {particle}, which no hand holds; accepted: one grabbed before"
+                    ))
                 })?;
                 // Adding +0 turns -0 into +0, which later steps leave alone to the bit.
                 hand.drag(*to + DVec3::ZERO, *steps);
@@ -189,8 +191,9 @@ impl World {
             Command::Release { particles } => {
                 self.check_particles(particles)?;
                 let time = self.time();
-                let (gone, kept) =
-                    std::mem::take(&mut self.hands).into_iter().partition(|h| particles.contains(&h.particle));
+                let (gone, kept) = std::mem::take(&mut self.hands)
+                    .into_iter()
+                    .partition(|h| particles.contains(&h.particle));
                 self.hands = kept;
                 for hand in gone {
                     let pinned = self.pinned[hand.particle as usize];
@@ -273,9 +276,11 @@ impl World {
             self.cloth = build_cloth(&scene, &shape, state)?;
         } else {
             let (params, before) = (&scene.springs, &old.springs);
-            let rebuild = params.kinds().iter().zip(&before.kinds()).any(|(a, b)| {
-                (a.enabled, a.rest_scale) != (b.enabled, b.rest_scale)
-            });
+            let rebuild = params
+                .kinds()
+                .iter()
+                .zip(&before.kinds())
+                .any(|(a, b)| (a.enabled, a.rest_scale) != (b.enabled, b.rest_scale));
             on!(&mut self.cloth, c => {
                 if scene.simulator != old.simulator {
                     c.set_simulator(&scene)?;
