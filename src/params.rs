@@ -67,6 +67,13 @@ impl Info {
         }
     }
 
+    /// Adds what would be accepted to an error that cannot know it, such as that of a number that does not parse.
+    fn explain(&self, error: impl fmt::Display) -> String {
+        let error = error.to_string();
+        let name = if error.contains(self.name) { String::new() } else { format!("{}: ", self.name) };
+        format!("{name}{error}; accepted: {}", self.accepted())
+    }
+
     fn check(&self, value: f64) -> Result<(), String> {
         let inside = self.range.as_ref().is_none_or(|range| range.contains(&value));
         if value.is_finite() && inside {
@@ -231,14 +238,15 @@ pub fn one_line(text: &str) -> String {
 
 impl Param for f64 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value = <f64 as de::Deserialize>::deserialize(from)?;
+        let value =
+            <f64 as de::Deserialize>::deserialize(from).map_err(|e| de::Error::custom(info.explain(e)))?;
         info.check(value).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let value = parse(info.name, text)?;
+        let value = parse(info.name, text).map_err(|e| info.explain(e))?;
         info.check(value)?;
         *self = value;
         Ok(())
@@ -250,14 +258,15 @@ impl Param for f64 {
 
 impl Param for u32 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value = <u32 as de::Deserialize>::deserialize(from)?;
+        let value =
+            <u32 as de::Deserialize>::deserialize(from).map_err(|e| de::Error::custom(info.explain(e)))?;
         info.check(f64::from(value)).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let value: u32 = parse(info.name, text)?;
+        let value: u32 = parse(info.name, text).map_err(|e| info.explain(e))?;
         info.check(f64::from(value))?;
         *self = value;
         Ok(())
@@ -284,14 +293,15 @@ impl Param for bool {
 
 impl Param for DVec3 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value: DVec3 = vector::deserialize(from)?;
+        let value: DVec3 =
+            vector::deserialize(from).map_err(|e: D::Error| de::Error::custom(info.explain(e)))?;
         value.to_array().iter().try_for_each(|c| info.check(*c)).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let (x, y, z): (f64, f64, f64) = parse(info.name, text)?;
+        let (x, y, z): (f64, f64, f64) = parse(info.name, text).map_err(|e| info.explain(e))?;
         [x, y, z].iter().try_for_each(|c| info.check(*c))?;
         *self = DVec3::new(x, y, z);
         Ok(())

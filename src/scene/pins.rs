@@ -141,7 +141,7 @@ impl Pin {
             if point.is_finite() {
                 Ok(())
             } else {
-                Err(format!("pins: {self:?} has a coordinate that is not a finite number"))
+                Err(format!("pins: {self:?}; accepted: finite coordinates"))
             }
         };
         match self {
