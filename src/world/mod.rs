@@ -381,7 +381,8 @@ impl World {
         on!(cloth, c => {
             ledger.hands(c, hands.iter().map(|h| (h.particle, h.next())));
             for hand in hands.iter() {
-                c.set_velocity(hand.particle, (hand.next() - c.position(hand.particle)) / dt);
+                // From where the hand is, not the particle: rounded to single precision that would be a phantom velocity.
+                c.set_velocity(hand.particle, (hand.next() - hand.at()) / dt);
             }
             match threads {
                 Some(pool) => pool.install(|| c.step(dt, cost)),
