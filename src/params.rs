@@ -67,6 +67,11 @@ impl Info {
         }
     }
 
+    /// A value of the wrong type.
+    fn wrong<E: de::Error>(&self, error: &E) -> E {
+        E::custom(format!("{}: {error}; accepted: {}", self.name, self.accepted()))
+    }
+
     fn check(&self, value: f64) -> Result<(), String> {
         let inside = self.range.as_ref().is_none_or(|range| range.contains(&value));
         if value.is_finite() && inside {
@@ -231,7 +236,7 @@ pub fn one_line(text: &str) -> String {
 
 impl Param for f64 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value = <f64 as de::Deserialize>::deserialize(from)?;
+        let value = <f64 as de::Deserialize>::deserialize(from).map_err(|e| info.wrong(&e))?;
         info.check(value).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
@@ -250,7 +255,7 @@ impl Param for f64 {
 
 impl Param for u32 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value = <u32 as de::Deserialize>::deserialize(from)?;
+        let value = <u32 as de::Deserialize>::deserialize(from).map_err(|e| info.wrong(&e))?;
         info.check(f64::from(value)).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
@@ -268,8 +273,10 @@ impl Param for u32 {
 }
 
 impl Param for bool {
-    fn load<'de, D: Deserializer<'de>>(&mut self, _: &'static Info, from: D) -> Result<(), D::Error> {
-        *self = <bool as de::Deserialize>::deserialize(from)?;
+    fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
+        *self = <bool as de::Deserialize>::deserialize(from).map_err(|e: D::Error| {
+            de::Error::custom(format!("{}: {e}; accepted: true or false", info.name))
+        })?;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
