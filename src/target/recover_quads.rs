@@ -433,7 +433,9 @@ impl Neighbours {
         for (t, triangle) in triangles.iter().enumerate() {
             let other = mate[t];
             if other == NONE {
-                triangle.iter().for_each(|corner| quads[*corner as usize] = SPOILT);
+                for corner in triangle {
+                    quads[*corner as usize] = SPOILT;
+                }
             } else if other as usize > t
                 && let Some(quad) = quad(*triangle, triangles[other as usize])
             {
