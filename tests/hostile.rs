@@ -36,24 +36,24 @@ impl Counting {
 // SAFETY: every call goes to the system's allocator as it came.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        Self::add(layout.size() as isize);
+        Self::add(layout.size().cast_signed());
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        Self::add(layout.size() as isize);
+        Self::add(layout.size().cast_signed());
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        Self::add(-(layout.size() as isize));
+        Self::add(-layout.size().cast_signed());
         unsafe { System.dealloc(at, layout) }
     }
 
     unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         // As if it were always moved: the old and the new block at once.
-        Self::add(size as isize);
-        Self::add(-(layout.size() as isize));
+        Self::add(size.cast_signed());
+        Self::add(-layout.size().cast_signed());
         unsafe { System.realloc(at, layout, size) }
     }
 }
@@ -70,7 +70,7 @@ fn measured(name: &str, bytes: &[u8], weld: f64) -> (Result<Import, ImportError>
     });
     let result = import_bytes(name, bytes, None, &ImportOptions { scale: 1.0, weld });
     let most = HELD.with(|held| held.get().1) - before;
-    (result, most as usize)
+    (result, most.unsigned_abs())
 }
 
 /// Imports, and asserts what holds for every input.
@@ -242,10 +242,24 @@ fn buffers_come_from_the_mesh_s_own_folder_only() {
     assert!(unplaced.unwrap_err().to_string().contains("not in a folder"));
 }
 
-/// Files of two megabytes, each made to cost as much memory as it can.
+/// A big buffer counts as part of the file that names it, small as that may be.
+#[test]
+fn a_big_buffer_beside_a_small_file_is_read() {
+    const VERTICES: u32 = 300_000;
+    let folder = tempfile::tempdir().unwrap();
+    let number = |i: u32| if i.is_multiple_of(3) { i as f32 } else { (i * i % 1009) as f32 };
+    let data: Vec<u8> = (0..3 * VERTICES).flat_map(|i| number(i % 1000 + i / 1000).to_le_bytes()).collect();
+    std::fs::write(folder.path().join("big.bin"), &data).unwrap();
+    let text = triangle_gltf("big.bin").replace("36", &data.len().to_string());
+    let path = folder.path().join("mesh.gltf");
+    std::fs::write(&path, text.replace("\"count\":3", &format!("\"count\":{VERTICES}"))).unwrap();
+    import_file(&path, &ImportOptions::default()).unwrap();
+}
+
+/// Files of a megabyte, each made to cost as much memory as it can.
 #[test]
 fn memory_stays_in_proportion() {
-    const SIZE: usize = 2 << 20;
+    const SIZE: usize = 1 << 20;
     let repeated = |head: &str, part: &str, tail: &str| {
         let body = part.repeat((SIZE - head.len() - tail.len()) / part.len());
         format!("{head}{}{tail}", body.strip_suffix(',').unwrap_or(&body))
@@ -306,10 +320,10 @@ fn memory_stays_in_proportion() {
     }
 }
 
-/// Most of the 64 MiB is for tiny files; these are big enough to do with 16 of them.
+/// Most of the 64 MiB is for tiny files; these are big enough to do with 8 of them.
 fn sparing(what: &str, name: &str, bytes: &[u8]) {
     let (result, most) = measured(name, bytes, 1e-9);
-    assert!(most <= 64 * bytes.len() + (16 << 20), "{what}: {most} bytes held for a file of {}", bytes.len());
+    assert!(most <= 64 * bytes.len() + (8 << 20), "{what}: {most} bytes held for a file of {}", bytes.len());
     if let Err(error) = result {
         assert_one_line(&error.to_string());
     }
@@ -480,7 +494,7 @@ proptest! {
     fn valid_files_that_were_changed_are_refused_or_loaded(
         file in 0_usize..3,
         changes in proptest::collection::vec((any::<usize>(), any::<u8>(), any::<u64>()), 1..6),
-        weld in prop::sample::select(vec![0.0, 1e-6, 0.3, 1.0]),
+        weld in prop::sample::select(vec![0.0, 1e-300, 1e-17, 1e-6, 0.3, 1.0]),
     ) {
         let (name, mut bytes) = valid_files()[file].clone();
         for (at, kind, value) in changes {
