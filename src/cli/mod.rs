@@ -54,9 +54,9 @@ struct Common {
     /// Says nothing but errors.
     #[arg(long)]
     quiet: bool,
-    /// Threads to step on; the result does not depend on it [default: one a core].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    threads: Option<u32>,
+    /// Threads to step on; the result does not depend on it.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: u32,
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {
@@ -124,9 +124,7 @@ impl Common {
     fn world(&self, opened: &Opened) -> Result<World, Refusal> {
         let mut world =
             World::new(opened.scene.clone(), opened.place.clone()).map_err(|e| e.at(&opened.title))?;
-        if let Some(threads) = self.threads {
-            world.set_threads(threads as usize)?;
-        }
+        world.set_threads(self.threads as usize)?;
         Ok(world)
     }
 

@@ -25,9 +25,7 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
         recording.scene.set_key(key, value).map_err(|e| e.at("--set"))?;
     }
     let mut world = recording.start(Place::folder(folder_of(&options.log))).map_err(|e| e.at(&name))?;
-    if let Some(threads) = options.common.threads {
-        world.set_threads(threads as usize)?;
-    }
+    world.set_threads(options.common.threads as usize)?;
     let mut finished = false;
     let (world, ending) =
         execute(world, &options.results, &options.common, &name.to_string(), |world, tick| {

@@ -135,7 +135,7 @@ pub fn execute(
     if world.steps() < planned && !world.health().is_diverged() {
         common.warn(&[format!("interrupted after {} of {planned} steps", world.steps())]);
     }
-    let result = RunResult::of(&world, wall_seconds, threads(common), results.positions, warnings);
+    let result = RunResult::of(&world, wall_seconds, common.threads, results.positions, warnings);
     let text = if pending.is_some() || common.json { output::json(&result)? } else { String::new() };
     if let Some(file) = pending {
         file.finish(format!("{text}\n").as_bytes())?;
@@ -146,10 +146,6 @@ pub fn execute(
     common.say(&result.summary(title));
     let ending = if world.health().is_diverged() { Ending::Diverged } else { Ending::Done };
     Ok((world, ending))
-}
-
-fn threads(common: &Common) -> usize {
-    common.threads.map_or_else(rayon::current_num_threads, |n| n as usize)
 }
 
 fn progress(common: &Common) -> ProgressBar {
@@ -181,7 +177,7 @@ pub struct RunResult<'a> {
     mean_strain: f64,
     cost: Cost,
     wall_seconds: f64,
-    threads: usize,
+    threads: u32,
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     positions: Option<Vec<[f64; 3]>>,
@@ -205,13 +201,7 @@ impl SpringCounts {
 }
 
 impl<'a> RunResult<'a> {
-    fn of(
-        world: &'a World,
-        wall_seconds: f64,
-        threads: usize,
-        positions: bool,
-        warnings: Vec<String>,
-    ) -> Self {
+    fn of(world: &'a World, wall_seconds: f64, threads: u32, positions: bool, warnings: Vec<String>) -> Self {
         let scene = world.scene();
         let measures = world.measures();
         let arrays = |vectors: Vec<glam::DVec3>| vectors.into_iter().map(|v| v.to_array()).collect();

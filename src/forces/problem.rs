@@ -37,6 +37,8 @@ pub struct Problem<T: Real> {
     pub gravity: Option<DVec3>,
     /// The wind; none where it is switched off.
     pub wind: Option<Wind>,
+    /// Threads of the current pool that forces may be shared among.
+    pub threads: usize,
     /// Made when first needed: one thread never needs it.
     incidence: OnceLock<Incidence>,
 }
@@ -65,6 +67,7 @@ impl<T: Real> Problem<T> {
             air_damping: T::ZERO,
             gravity: None,
             wind: None,
+            threads: 1,
             incidence: OnceLock::new(),
         };
         problem.set_springs(springs);
@@ -138,6 +141,6 @@ impl<T: Real> Problem<T> {
     fn parallel(&self) -> bool {
         /// Below this, waking threads costs more than they save.
         const SMALLEST: usize = 4096;
-        self.particles() >= SMALLEST && rayon::current_num_threads() > 1
+        self.threads > 1 && self.particles() >= SMALLEST
     }
 }

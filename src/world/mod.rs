@@ -68,6 +68,7 @@ pub struct World {
     log: Vec<Entry>,
     /// A state at most [`CHECKPOINT`] steps old from which the last good state is stepped again; none after a command.
     checkpoint: Option<Box<Snapshot>>,
+    /// Several threads to step on; none where one does.
     threads: Option<Arc<rayon::ThreadPool>>,
 }
 
@@ -129,18 +130,23 @@ impl World {
             checkpoint: None,
             threads: None,
         };
-        world.fix_particles();
+        world.prepare();
         world.open_ledger();
         Ok(world)
     }
 
-    /// Steps on this many threads from now on. The result does not depend on it.
+    /// Steps on this many threads from now on, one at first. The result does not depend on it.
     ///
     /// # Errors
     /// The system gives no more threads.
     pub fn set_threads(&mut self, threads: usize) -> Result<(), Refusal> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        self.threads = Some(Arc::new(pool.map_err(|e| Refusal::new(format!("--threads {threads}: {e}")))?));
+        self.threads = if threads > 1 {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            Some(Arc::new(pool.map_err(|e| Refusal::new(format!("{threads} threads: {e}")))?))
+        } else {
+            None
+        };
+        self.prepare();
         Ok(())
     }
 
@@ -170,7 +176,7 @@ impl World {
                         self.hands.push(Hand::new(p, at, time));
                     }
                 }
-                self.fix_particles();
+                self.prepare();
             }
             Command::Drag { particle, to, steps } => {
                 if !to.to_array().iter().all(|c| c.abs() <= REACH) {
@@ -200,7 +206,7 @@ impl World {
                     let velocity = if pinned { DVec3::ZERO } else { hand.velocity(time) };
                     on!(&mut self.cloth, c => c.set_velocity(hand.particle, velocity));
                 }
-                self.fix_particles();
+                self.prepare();
                 self.open_ledger();
             }
             Command::Pin { particles } => self.set_pinned(particles, true)?,
@@ -215,7 +221,7 @@ impl World {
                 self.cloth = build_cloth(&self.scene, &self.shape, None)?;
                 self.anchor = (self.step, 0.0);
                 self.pinned = self.scene.pins.select(&self.scene.target, &self.shape.mesh)?;
-                self.fix_particles();
+                self.prepare();
                 self.open_ledger();
             }
         }
@@ -242,7 +248,7 @@ impl World {
             }
         }
         self.scene.pins.edit(&self.scene.target, &self.pinned, particles, pinned);
-        self.fix_particles();
+        self.prepare();
         self.open_ledger();
         Ok(())
     }
@@ -308,7 +314,7 @@ impl World {
         self.shape = shape;
         self.report = report;
         self.pinned = pinned;
-        self.fix_particles();
+        self.prepare();
         self.open_ledger();
         Ok(())
     }
@@ -317,9 +323,11 @@ impl World {
         self.hands.iter().any(|h| h.particle == particle)
     }
 
-    /// Makes exactly the pinned and the held particles immovable.
-    fn fix_particles(&mut self) {
+    /// Makes exactly the pinned and the held particles immovable, and says how many threads there are.
+    fn prepare(&mut self) {
+        let threads = self.threads.as_ref().map_or(1, |pool| pool.current_num_threads());
         on!(&mut self.cloth, c => {
+            c.problem.threads = threads;
             for (i, pinned) in self.pinned.iter().enumerate() {
                 c.problem.set_fixed(i, *pinned);
             }
@@ -451,7 +459,7 @@ impl World {
         self.cost = snapshot.cost;
         self.ledger = snapshot.ledger;
         self.jitter = Jitter::default();
-        self.fix_particles();
+        self.prepare();
     }
 
     fn state(&self) -> AnyState {
