@@ -1,12 +1,9 @@
 //! Files that are broken or awkward, and bytes at random: a clear refusal in one line or a clean load, never a panic, and never more
 //! memory than 64 times the file and 64 MiB.
-//!
-//! Counting what is allocated takes an allocator of our own, and that takes `unsafe`: it hands every call on to the system's.
-#![allow(unsafe_code)]
 #![allow(clippy::unwrap_used)]
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
+mod memory;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -16,67 +13,15 @@ use serde_json::Value;
 use tenter::model::Topology;
 use tenter::target::{Import, ImportError, ImportOptions, grid, import_bytes, import_file};
 
-thread_local! {
-    /// Bytes that this thread holds, and the most that it has held since the mark.
-    static HELD: Cell<(isize, isize)> = const { Cell::new((0, 0)) };
-}
-
-struct Counting;
-
-impl Counting {
-    fn add(bytes: isize) {
-        // While a thread ends, its counter is gone and nobody asks.
-        let _ = HELD.try_with(|held| {
-            let (now, most) = held.get();
-            held.set((now + bytes, most.max(now + bytes)));
-        });
-    }
-}
-
-// SAFETY: every call goes to the system's allocator as it came.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        Self::add(layout.size().cast_signed());
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        Self::add(layout.size().cast_signed());
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        Self::add(-layout.size().cast_signed());
-        unsafe { System.dealloc(at, layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // As if it were always moved: the old and the new block at once.
-        Self::add(size.cast_signed());
-        Self::add(-layout.size().cast_signed());
-        unsafe { System.realloc(at, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 /// Imports, and tells how many bytes were held for it at most.
 fn measured(name: &str, bytes: &[u8], weld: f64) -> (Result<Import, ImportError>, usize) {
-    let before = HELD.with(|held| {
-        let (now, _) = held.get();
-        held.set((now, now));
-        now
-    });
-    let result = import_bytes(name, bytes, None, &ImportOptions { scale: 1.0, weld });
-    let most = HELD.with(|held| held.get().1) - before;
-    (result, most.unsigned_abs())
+    memory::measured(|| import_bytes(name, bytes, None, &ImportOptions { scale: 1.0, weld }))
 }
 
 /// Imports, and asserts what holds for every input.
 fn checked(name: &str, bytes: &[u8], weld: f64) -> Result<Import, ImportError> {
     let (result, most) = measured(name, bytes, weld);
-    let bound = 64 * bytes.len() + (64 << 20);
+    let bound = memory::allowed(bytes.len());
     assert!(most <= bound, "{name}: {most} bytes held for a file of {}, {bound} allowed", bytes.len());
     match &result {
         Ok(import) => {

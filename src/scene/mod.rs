@@ -78,9 +78,17 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// A refusal; line breaks and control characters are taken out.
+    /// A refusal. Line breaks and control characters are taken out, and what would fill a screen is cut: a file may hold
+    /// a name of a million letters.
     pub fn new(text: impl AsRef<str>) -> Self {
-        Self { position: None, text: params::one_line(text.as_ref()) }
+        /// Longest message, in characters.
+        const LONGEST: usize = 600;
+        let mut text = params::one_line(text.as_ref());
+        if let Some((end, _)) = text.char_indices().nth(LONGEST) {
+            text.truncate(end);
+            text.push('…');
+        }
+        Self { position: None, text }
     }
 
     /// The same with the file, key or other place before it.

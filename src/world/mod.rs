@@ -617,7 +617,7 @@ impl World {
     /// is: FNV-1a (Fowler, Noll, Vo) over time, positions and velocities.
     pub fn digest(&self) -> u64 {
         let vectors = self.positions().into_iter().chain(self.velocities());
-        let words = vectors.flat_map(|v| v.to_array()).chain([self.time()]).map(f64::to_bits);
+        let words = vectors.flat_map(|v| [v.x, v.y, v.z]).chain([self.time()]).map(f64::to_bits);
         let torn = self.broken().iter().map(|id| u64::from(*id));
         words.chain(torn).flat_map(u64::to_le_bytes).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
