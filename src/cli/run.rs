@@ -60,15 +60,8 @@ pub fn run(options: &Options) -> Result<Ending, Refusal> {
     };
     let record = options.record.as_deref().map(Pending::new).transpose()?;
     let world = options.common.world(&opened)?;
-    let (world, ending) = execute(world, &options.results, &options.common, &opened.title, |world, tick| {
-        for _ in 0..steps {
-            world.step();
-            if !tick(world) {
-                break;
-            }
-        }
-        Ok(steps)
-    })?;
+    let (world, ending) =
+        execute(world, &options.results, &options.common, &opened.title, take_steps(steps))?;
     if let Some(file) = record {
         file.finish(Recording::of(opened.scene, &world).to_ron()?.as_bytes())?;
     }
@@ -93,20 +86,25 @@ pub fn without_window(scenes: &[String], common: &Common) -> Result<Ending, Refu
     let opened = common.open(name)?;
     let steps = steps_in(SECONDS, &opened.scene)?;
     let world = common.world(&opened)?;
-    let (_, ending) = execute(world, &Results::default(), common, &opened.title, |world, tick| {
+    let (_, ending) = execute(world, &Results::default(), common, &opened.title, take_steps(steps))?;
+    Ok(ending)
+}
+
+/// Work for [`execute`]: so many steps and nothing else.
+fn take_steps(steps: u64) -> impl FnOnce(&mut World, &mut dyn FnMut(&World) -> bool) -> Result<u64, Refusal> {
+    move |world, go_on| {
         for _ in 0..steps {
             world.step();
-            if !tick(world) {
+            if !go_on(world) {
                 break;
             }
         }
         Ok(steps)
-    })?;
-    Ok(ending)
+    }
 }
 
-/// Runs a world by `work`, which calls its second argument after each step and stops when that says no; then writes the
-/// result wherever it was asked for.
+/// Runs a world by `work`, which calls its second argument after each step, stops when that says no, and answers with the
+/// number of steps that were planned; then writes the result wherever it was asked for.
 pub fn execute(
     mut world: World,
     results: &Results,

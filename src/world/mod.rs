@@ -23,6 +23,7 @@ use cloth::{Cloth, Shape};
 use glam::DVec3;
 use hand::Hand;
 use health::{Jitter, Ledger};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// A cloth in the precision of its scene.
@@ -55,6 +56,7 @@ pub struct World {
     shape: Arc<Shape>,
     report: Arc<ImportReport>,
     pinned: Vec<bool>,
+    /// By particle, so that the hand of one is found at once.
     hands: Vec<Hand>,
     cloth: AnyCloth,
     /// Steps taken since the world was made.
@@ -167,8 +169,9 @@ impl World {
             Command::Grab { particles } => {
                 self.check_particles(particles)?;
                 let time = self.time();
+                let held = self.hands.len();
                 for &p in particles {
-                    if !self.is_held(p) {
+                    if self.hands[..held].binary_search_by_key(&p, |h| h.particle).is_err() {
                         let at = on!(&mut self.cloth, c => {
                             c.set_velocity(p, DVec3::ZERO);
                             c.position(p)
@@ -176,6 +179,8 @@ impl World {
                         self.hands.push(Hand::new(p, at, time));
                     }
                 }
+                self.hands.sort_by_key(|h| h.particle);
+                self.hands.dedup_by_key(|h| h.particle);
                 self.prepare();
             }
             Command::Drag { particle, to, steps } => {
@@ -185,8 +190,8 @@ impl World {
                         to.x, to.y, to.z
                     )));
                 }
-                let hand = self.hands.iter_mut().find(|h| h.particle == *particle);
-                let hand = hand.ok_or_else(|| {
+                let found = self.hand_of(*particle).map(|i| &mut self.hands[i]);
+                let hand = found.ok_or_else(|| {
                     Refusal::new(format!(
                         "drag of particle {particle}, which no hand holds; accepted: one grabbed before"
                     ))
@@ -197,9 +202,9 @@ impl World {
             Command::Release { particles } => {
                 self.check_particles(particles)?;
                 let time = self.time();
-                let (gone, kept) = std::mem::take(&mut self.hands)
-                    .into_iter()
-                    .partition(|h| particles.contains(&h.particle));
+                let released: HashSet<u32> = particles.iter().copied().collect();
+                let hands = std::mem::take(&mut self.hands);
+                let (gone, kept) = hands.into_iter().partition(|h| released.contains(&h.particle));
                 self.hands = kept;
                 for hand in gone {
                     let pinned = self.pinned[hand.particle as usize];
@@ -319,8 +324,12 @@ impl World {
         Ok(())
     }
 
+    fn hand_of(&self, particle: u32) -> Option<usize> {
+        self.hands.binary_search_by_key(&particle, |h| h.particle).ok()
+    }
+
     fn is_held(&self, particle: u32) -> bool {
-        self.hands.iter().any(|h| h.particle == particle)
+        self.hand_of(particle).is_some()
     }
 
     /// Makes exactly the pinned and the held particles immovable, and says how many threads there are.
