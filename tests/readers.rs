@@ -95,7 +95,7 @@ fn mutated() -> impl Strategy<Value = String> {
             match kind {
                 0 => text.replace_range(start..end, ""),
                 1 => text.insert_str(start, piece),
-                _ => text.insert_str(start, &text[start..end].to_owned()),
+                _ => text.insert_str(start, text.clone().get(start..end).unwrap_or_default()),
             }
         }
         text

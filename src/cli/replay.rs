@@ -26,21 +26,12 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
     }
     let mut world = recording.start(Place::folder(folder_of(&options.log))).map_err(|e| e.at(&name))?;
     world.set_threads(options.common.threads as usize)?;
-    let mut finished = false;
+    let mut next = 0;
     let (world, ending) =
-        execute(world, &options.results, &options.common, &name.to_string(), |world, tick| {
-            let mut next = 0;
-            recording.apply_due(world, &mut next).map_err(|e| e.at(&name))?;
-            while world.steps() < recording.steps {
-                world.step();
-                recording.apply_due(world, &mut next).map_err(|e| e.at(&name))?;
-                if !tick(world) {
-                    return Ok(recording.steps);
-                }
-            }
-            finished = true;
-            Ok(recording.steps)
+        execute(world, &options.results, &options.common, &name.to_string(), recording.steps, |world| {
+            recording.apply_due(world, &mut next).map_err(|e| e.at(&name))
         })?;
+    let finished = world.steps() == recording.steps;
     if finished && options.common.set.is_empty() && !recording.agrees(&world) {
         return Err(Refusal::new(format!(
             "{name}: replaying it did not end in the state that was recorded (digest {}, now {:016x})",

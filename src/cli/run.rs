@@ -61,7 +61,7 @@ pub fn run(options: &Options) -> Result<Ending, Refusal> {
     let record = options.record.as_deref().map(Pending::new).transpose()?;
     let world = options.common.world(&opened)?;
     let (world, ending) =
-        execute(world, &options.results, &options.common, &opened.title, take_steps(steps))?;
+        execute(world, &options.results, &options.common, &opened.title, steps, |_| Ok(()))?;
     if let Some(file) = record {
         file.finish(Recording::of(opened.scene, &world).to_ron()?.as_bytes())?;
     }
@@ -86,31 +86,19 @@ pub fn without_window(scenes: &[String], common: &Common) -> Result<Ending, Refu
     let opened = common.open(name)?;
     let steps = steps_in(SECONDS, &opened.scene)?;
     let world = common.world(&opened)?;
-    let (_, ending) = execute(world, &Results::default(), common, &opened.title, take_steps(steps))?;
+    let (_, ending) = execute(world, &Results::default(), common, &opened.title, steps, |_| Ok(()))?;
     Ok(ending)
 }
 
-/// Work for [`execute`]: so many steps and nothing else.
-fn take_steps(steps: u64) -> impl FnOnce(&mut World, &mut dyn FnMut(&World) -> bool) -> Result<u64, Refusal> {
-    move |world, go_on| {
-        for _ in 0..steps {
-            world.step();
-            if !go_on(world) {
-                break;
-            }
-        }
-        Ok(steps)
-    }
-}
-
-/// Runs a world by `work`, which calls its second argument after each step, stops when that says no, and answers with the
-/// number of steps that were planned; then writes the result wherever it was asked for.
+/// Runs a world to a number of steps, calling `between` before the first and after each, until it diverges or Ctrl-C is
+/// pressed; then writes the result wherever it was asked for.
 pub fn execute(
     mut world: World,
     results: &Results,
     common: &Common,
     title: &str,
-    work: impl FnOnce(&mut World, &mut dyn FnMut(&World) -> bool) -> Result<u64, Refusal>,
+    steps: u64,
+    mut between: impl FnMut(&mut World) -> Result<(), Refusal>,
 ) -> Result<(World, Ending), Refusal> {
     let pending = results.out.as_deref().map(Pending::new).transpose()?;
     let warnings = world.warnings();
@@ -120,18 +108,23 @@ pub fn execute(
     let bar = progress(common);
     let start = Instant::now();
     let mut shown = Instant::now();
-    let planned = work(&mut world, &mut |world| {
+    between(&mut world)?;
+    while world.steps() < steps && !INTERRUPTED.load(Ordering::Relaxed) {
+        world.step();
+        if world.health().is_diverged() {
+            break;
+        }
+        between(&mut world)?;
         if shown.elapsed().as_millis() > 100 {
             shown = Instant::now();
             bar.set_message(format!("{:.2} s simulated", world.time()));
             bar.tick();
         }
-        !world.health().is_diverged() && !INTERRUPTED.load(Ordering::Relaxed)
-    })?;
+    }
     let wall_seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
-    if world.steps() < planned && !world.health().is_diverged() {
-        common.warn(&[format!("interrupted after {} of {planned} steps", world.steps())]);
+    if world.steps() < steps && !world.health().is_diverged() {
+        common.warn(&[format!("interrupted after {} of {steps} steps", world.steps())]);
     }
     let result = RunResult::of(&world, wall_seconds, common.threads, results.positions, warnings);
     let text = if pending.is_some() || common.json { output::json(&result)? } else { String::new() };
