@@ -1,0 +1,6 @@
+//! The workbench: a window in which cloth is seen, taken hold of, and changed while it runs.
+
+pub mod camera;
+pub mod gpu;
+pub mod picture;
+pub mod render;
