@@ -81,17 +81,17 @@ fn studio(albedo: vec3f, normal: vec3f, eye: vec3f, sheen: f32) -> vec3f {
     let right = normalize(view.right.xyz);
     let up = vec3f(0.0, 1.0, 0.0);
     let back = -view.forward.xyz;
-    let key = normalize(-0.55 * right + 0.75 * up + 0.65 * back);
-    let fill = normalize(0.9 * right + 0.1 * up + 0.5 * back);
-    let sky = mix(vec3f(0.20, 0.19, 0.19), vec3f(0.46, 0.49, 0.55), 0.5 + 0.5 * normal.y);
+    let key = normalize(-0.85 * right + 0.75 * up + 0.55 * back);
+    let fill = normalize(0.9 * right - 0.1 * up + 0.35 * back);
+    let sky = mix(vec3f(0.09, 0.08, 0.09), vec3f(0.21, 0.235, 0.28), 0.5 + 0.5 * normal.y);
     // Wrapped: cloth lets light through, its terminator is soft.
-    let lit = max((dot(normal, key) + 0.25) / 1.25, 0.0);
+    let lit = max((dot(normal, key) + 0.15) / 1.15, 0.0);
     let filled = max(dot(normal, fill), 0.0);
-    var colour = albedo * (sky + 0.95 * lit * vec3f(1.0, 0.97, 0.92) + 0.16 * filled * vec3f(0.75, 0.85, 1.0));
+    var colour = albedo * (sky + 1.22 * lit * vec3f(1.0, 0.96, 0.90) + 0.14 * filled * vec3f(0.70, 0.82, 1.0));
     let halfway = normalize(key + eye);
-    colour += 0.06 * pow(max(dot(normal, halfway), 0.0), 28.0);
+    colour += 0.05 * lit * pow(max(dot(normal, halfway), 0.0), 20.0);
     // Fibres that stand off catch light at the rim.
     let rim = pow(1.0 - clamp(dot(normal, eye), 0.0, 1.0), 3.0);
-    colour += sheen * rim * (0.5 * albedo + vec3f(0.10)) * (0.6 + 0.4 * normal.y);
+    colour += sheen * rim * (0.45 * albedo + vec3f(0.05)) * (0.6 + 0.4 * normal.y);
     return colour;
 }

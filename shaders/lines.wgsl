@@ -49,9 +49,9 @@ fn vertex(@builtin(vertex_index) n: u32) -> Corner {
     var width = cloth.sizes.y;
     var colour = vec4f(cloth.lines[kind.index].rgb, 1.0);
     if kind.index == 3u {
-        // Edges recede where they would cover the surface: at half a face's width they are gone.
+        // Edges recede where they would cover the surface: few pixels apart, they are gone.
         width = 1.0;
-        colour.a = 0.55 * smoothstep(2.5, 9.0, len * 0.5);
+        colour.a = 0.5 * smoothstep(6.0, 22.0, len);
     } else if cloth.rest_scale.w > 0.5 {
         let natural = rest[line] * cloth.rest_scale[kind.index];
         colour = vec4f(ramp((distance(a, b) / natural - 1.0) / cloth.sizes.z), 1.0);

@@ -45,11 +45,11 @@ fn free_vertex(@builtin(vertex_index) n: u32) -> Corner {
     // Marked particles are drawn by their own call, larger.
     let shown = flags[i] == 0u;
     let pixel = pixel_size(centre);
-    // Below a pixel they fade instead of flickering: no sphere is drawn thinner than that.
+    // Below a pixel they fade and vanish instead of flickering.
     let radius = select(0.0, max(cloth.sizes.x, 0.8 * pixel), shown);
     var out = square(n, centre, radius, cloth.particle.rgb, 0.0, vec3f(0.0));
-    out.colour.a = clamp(cloth.sizes.x / (0.8 * pixel), 0.25, 1.0);
-    if !shown {
+    out.colour.a = clamp(cloth.sizes.x / (0.8 * pixel) - 0.2, 0.0, 1.0);
+    if !shown || out.colour.a == 0.0 {
         out.clip = vec4f(2.0, 2.0, 2.0, 1.0);
     }
     return out;
@@ -71,7 +71,7 @@ fn marked_vertex(@builtin(vertex_index) n: u32) -> Corner {
     }
     if (flag & SELECTED) != 0u {
         outline = 0.42;
-        radius = max(radius, 4.5 * point);
+        radius = max(1.5 * radius, 5.0 * point);
     }
     if (flag & GRABBED) != 0u {
         colour = cloth.grabbed.rgb;

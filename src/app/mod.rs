@@ -2,5 +2,6 @@
 
 pub mod camera;
 pub mod gpu;
+pub mod picking;
 pub mod picture;
 pub mod render;
