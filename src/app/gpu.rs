@@ -1,6 +1,6 @@
 //! The graphics device, with or without a window, and an offscreen target that can be read back.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use winit::{event_loop::OwnedDisplayHandle, window::Window};
 
@@ -31,9 +31,9 @@ pub enum GpuError {
         /// Longest side that the adapter draws, pixels.
         limit: u32,
     },
-    /// The device was lost while drawing.
-    #[error("the graphics device was lost while drawing: {0}")]
-    Lost(String),
+    /// The device was lost or ran out of memory while drawing.
+    #[error("the graphics device failed while drawing: {0}")]
+    Failed(String),
 }
 
 /// The device, its queue, and what is known about it.
@@ -48,6 +48,8 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     /// True if the adapter is a program on the CPU: then every pixel counts.
     pub software: bool,
+    /// The first failure that the driver reported outside of any call.
+    failure: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
@@ -93,12 +95,20 @@ impl Gpu {
             required_limits: adapter.limits(),
             ..Default::default()
         }))
-        .map_err(|error| GpuError::NoDevice {
-            adapter: info.name.clone(),
-            reason: error.to_string().lines().next().unwrap_or_default().to_owned(),
-        })?;
+        .map_err(|error| GpuError::NoDevice { adapter: info.name.clone(), reason: first_line(&error) })?;
         let software = info.device_type == wgpu::DeviceType::Cpu;
-        Ok(Self { instance, adapter, device, queue, software })
+        let failure = Arc::default();
+        watch(&device, &failure);
+        Ok(Self { instance, adapter, device, queue, software, failure })
+    }
+
+    /// Whether the device still works.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`] with the driver's reason, once it has run out of memory or was lost.
+    pub fn check(&self) -> Result<(), GpuError> {
+        let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        failure.as_ref().map_or(Ok(()), |reason| Err(GpuError::Failed(reason.clone())))
     }
 
     /// Samples per pixel by default: 4 on hardware, 1 where the CPU would pay for each of them.
@@ -111,6 +121,25 @@ impl Gpu {
         let info = self.adapter.get_info();
         format!("{} ({})", info.name, info.backend)
     }
+}
+
+fn first_line(error: &impl std::fmt::Display) -> String {
+    error.to_string().lines().next().unwrap_or_default().to_owned()
+}
+
+/// Keeps the first failure instead of the default, which is to panic.
+fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
+    let keep = |failure: &Mutex<Option<String>>, reason: String| {
+        failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(reason);
+    };
+    let first = Arc::clone(failure);
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| keep(&first, error.to_string().replace('\n', " "))));
+    let first = Arc::clone(failure);
+    device.set_device_lost_callback(move |reason, message| {
+        if reason != wgpu::DeviceLostReason::Destroyed {
+            keep(&first, message.replace('\n', " "));
+        }
+    });
 }
 
 /// Depth of every target: reversed floating point, so that near and far are equally exact.
@@ -231,7 +260,7 @@ impl Picture {
     /// Waits for the device and reads the picture: rows from the top, 4 bytes (red, green, blue, alpha) a pixel.
     ///
     /// # Errors
-    /// [`GpuError::Lost`] if the device was lost.
+    /// [`GpuError::Failed`] if the device was lost.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<u8>, GpuError> {
         let [width, height] = self.size;
         let row = width * 4;
@@ -261,7 +290,7 @@ impl Picture {
             // The receiver lives until the wait below ends.
             let _ = sender.send(result);
         });
-        let lost = |error: &dyn std::fmt::Display| GpuError::Lost(error.to_string());
+        let lost = |error: &dyn std::fmt::Display| GpuError::Failed(error.to_string());
         gpu.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| lost(&e))?;
         receiver.recv().map_err(|e| lost(&e))?.map_err(|e| lost(&e))?;
         let bytes = buffer.get_mapped_range(..).map_err(|e| lost(&e))?;

@@ -1,7 +1,12 @@
 //! The workbench: a window in which cloth is seen, taken hold of, and changed while it runs.
 
 pub mod camera;
+pub mod display;
 pub mod gpu;
+pub mod hands;
 pub mod picking;
 pub mod picture;
 pub mod render;
+pub mod shell;
+mod swapchain;
+pub mod viewport;

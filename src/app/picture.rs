@@ -47,7 +47,9 @@ pub fn draw(
     renderer.draw(&mut pass, &view, stored.iter(), style);
     drop(pass);
     queue.submit([encoder.finish()]);
-    Ok(Pixels { size, rgba: picture.read(gpu)? })
+    let rgba = picture.read(gpu)?;
+    gpu.check()?;
+    Ok(Pixels { size, rgba })
 }
 
 #[cfg(test)]
