@@ -29,6 +29,12 @@ impl Bounds {
         self.min.midpoint(self.max)
     }
 
+    /// The box around both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
     /// Half of the diagonal, m.
     pub fn radius(&self) -> f32 {
         self.min.distance(self.max) / 2.0
@@ -242,6 +248,14 @@ impl Camera {
                 self.pan(size / 2.0 - low.midpoint(high), size);
             }
         }
+    }
+
+    /// Between perspective and orthographic.
+    pub fn switch_projection(&mut self) {
+        self.projection = match self.projection {
+            Projection::Perspective => Projection::Orthographic,
+            Projection::Orthographic => Projection::Perspective,
+        };
     }
 
     /// Looks from a named side, in orthographic projection.

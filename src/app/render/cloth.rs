@@ -156,8 +156,8 @@ impl Cloth {
             {
                 self.bind(device, &renderer.layouts);
             }
-            self.set_flags(device, queue, renderer, frame.flags);
         }
+        self.set_flags(device, queue, renderer, frame.flags);
         self.enabled = frame.enabled;
         let uniform = self.uniform(frame, style);
         if self.shown_uniform != Some(uniform) {

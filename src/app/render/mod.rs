@@ -56,7 +56,7 @@ pub struct Topology<'a> {
 /// What may change with every picture.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Frame<'a> {
-    /// Differs whenever positions, values or flags do; an unchanged version uploads none of them.
+    /// Differs whenever positions or values do; an unchanged version uploads neither. Flags are compared.
     pub version: u64,
     /// Particle positions, m.
     pub positions: &'a [[f32; 3]],
