@@ -20,7 +20,10 @@ impl Bounds {
     /// The box around the finite positions; `None` if there are none.
     pub fn of<'a>(positions: impl IntoIterator<Item = &'a [f32; 3]>) -> Option<Self> {
         positions.into_iter().map(|&p| Vec3::from(p)).filter(|p| p.is_finite()).fold(None, |bounds, p| {
-            Some(bounds.map_or(Self { min: p, max: p }, |b: Self| Self { min: b.min.min(p), max: b.max.max(p) }))
+            Some(
+                bounds
+                    .map_or(Self { min: p, max: p }, |b: Self| Self { min: b.min.min(p), max: b.max.max(p) }),
+            )
         })
     }
 
@@ -65,7 +68,8 @@ impl Ray {
     /// Where the ray's line meets the plane through `point` with the given normal; `None` if they are parallel.
     pub fn meet_plane(&self, point: Vec3, normal: Vec3) -> Option<Vec3> {
         let slope = self.direction.dot(normal);
-        (slope.abs() > 1e-6).then(|| self.origin + self.direction * ((point - self.origin).dot(normal) / slope))
+        (slope.abs() > 1e-6)
+            .then(|| self.origin + self.direction * ((point - self.origin).dot(normal) / slope))
     }
 }
 
@@ -177,10 +181,9 @@ impl Camera {
         let half = Vec2::new(size.x / size.y, 1.0);
         let offset = |scale: f32| right * (ndc.x * half.x * scale) + up * (ndc.y * half.y * scale);
         match self.projection {
-            Projection::Perspective => Ray {
-                origin: self.eye(),
-                direction: (forward + offset((self.fov / 2.0).tan())).normalize(),
-            },
+            Projection::Perspective => {
+                Ray { origin: self.eye(), direction: (forward + offset((self.fov / 2.0).tan())).normalize() }
+            }
             Projection::Orthographic => {
                 Ray { origin: self.eye() + offset(self.half_height()), direction: forward }
             }
@@ -312,7 +315,13 @@ mod tests {
         let mut cameras = Vec::new();
         for projection in [Projection::Perspective, Projection::Orthographic] {
             for (yaw, pitch) in [(0.0, 0.0), (0.7, 0.4), (3.0, -1.2), (1.0, FRAC_PI_2)] {
-                cameras.push(Camera { yaw, pitch, projection, target: Vec3::new(1.0, 2.0, -3.0), ..Default::default() });
+                cameras.push(Camera {
+                    yaw,
+                    pitch,
+                    projection,
+                    target: Vec3::new(1.0, 2.0, -3.0),
+                    ..Default::default()
+                });
             }
         }
         cameras
@@ -343,7 +352,10 @@ mod tests {
         for camera in cameras() {
             let clip = camera.clip_from_world(1.6);
             let [_, _, forward] = camera.axes();
-            let depth = |p: Vec3| { let c = clip * p.extend(1.0); c.z / c.w };
+            let depth = |p: Vec3| {
+                let c = clip * p.extend(1.0);
+                c.z / c.w
+            };
             let near = depth(camera.target - forward);
             let far = depth(camera.target + forward);
             assert!(1.0 >= near && near > far && far >= 0.0, "{near} {far}");
@@ -364,7 +376,10 @@ mod tests {
     fn zooming_keeps_what_is_under_the_cursor() {
         for mut camera in cameras() {
             let cursor = Vec2::new(600.0, 100.0);
-            let fixed = camera.ray(cursor, SIZE).meet_plane(camera.target, camera.axes()[2]).expect("faces the camera");
+            let fixed = camera
+                .ray(cursor, SIZE)
+                .meet_plane(camera.target, camera.axes()[2])
+                .expect("faces the camera");
             camera.zoom(0.5, cursor, SIZE);
             assert!((camera.distance - 20.0).abs() < 1e-4);
             assert!(camera.projector(SIZE).pixel(fixed).expect("visible").pixel.distance(cursor) < 0.05);

@@ -4,10 +4,14 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoDisplay {
     /// No window system.
-    #[error("no window can be opened: neither DISPLAY nor WAYLAND_DISPLAY is set (is this a machine without a screen?)")]
+    #[error(
+        "no window can be opened: neither DISPLAY nor WAYLAND_DISPLAY is set (is this a machine without a screen?)"
+    )]
     NotSet,
     /// A library that the window system needs is missing.
-    #[error("no window can be opened: {0} is missing (Debian, Ubuntu: apt install libxkbcommon0 libxkbcommon-x11-0 libxcursor1 libxi6)")]
+    #[error(
+        "no window can be opened: {0} is missing (Debian, Ubuntu: apt install libxkbcommon0 libxkbcommon-x11-0 libxcursor1 libxi6)"
+    )]
     Library(&'static str),
     /// The window system does not answer.
     #[error("no window can be opened: the display {0:?} does not answer")]

@@ -11,10 +11,7 @@ use std::{
 
 use glam::DVec3;
 
-use super::{
-    geometry::Geometry,
-    render::flag,
-};
+use super::{geometry::Geometry, render::flag};
 use crate::{
     scene::{Place, Refusal, Scene},
     target::ImportReport,
@@ -309,7 +306,8 @@ impl Engine {
 
     fn go_back(&mut self, seconds: f64) {
         for lane in &mut self.lanes {
-            let steps = if lane.world.scene().dt > 0.0 { (seconds / lane.world.scene().dt) as u64 } else { 0 };
+            let steps =
+                if lane.world.scene().dt > 0.0 { (seconds / lane.world.scene().dt) as u64 } else { 0 };
             let wanted = lane.world.steps().saturating_sub(steps);
             while lane.remembered.len() > 1 && lane.remembered.back().is_some_and(|s| s.step() > wanted) {
                 lane.remembered.pop_back();

@@ -121,7 +121,8 @@ mod tests {
 
     #[test]
     fn tearing_opens_a_hole() {
-        let scene = Scene::from_ron("(tearing: (enabled: true, max_ratio: 1.01), gravity: (magnitude: 500.0))");
+        let scene =
+            Scene::from_ron("(tearing: (enabled: true, max_ratio: 1.01), gravity: (magnitude: 500.0))");
         let mut world = World::new(scene.expect("a scene"), Place::default()).expect("a world");
         while world.broken().is_empty() && world.steps() < 100 {
             world.step();

@@ -8,7 +8,9 @@ use winit::{event_loop::OwnedDisplayHandle, window::Window};
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
     /// No driver offers an adapter.
-    #[error("no graphics adapter found: install a Vulkan or OpenGL driver (Debian, Ubuntu: apt install mesa-vulkan-drivers)")]
+    #[error(
+        "no graphics adapter found: install a Vulkan or OpenGL driver (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
+    )]
     NoAdapter,
     /// The adapter exists, but gives no device.
     #[error("the graphics adapter {adapter} gives no device: {reason}")]
@@ -19,10 +21,14 @@ pub enum GpuError {
         reason: String,
     },
     /// The window system and the driver do not fit together.
-    #[error("no graphics driver can draw into a window here: install one (Debian, Ubuntu: apt install mesa-vulkan-drivers libegl1 libgl1-mesa-dri)")]
+    #[error(
+        "no graphics driver can draw into a window here: install one (Debian, Ubuntu: apt install mesa-vulkan-drivers libegl1 libgl1-mesa-dri)"
+    )]
     NoSurface,
     /// The picture is larger than the adapter allows, or empty.
-    #[error("a picture of {width} x {height} pixels cannot be drawn: 1 to {limit} pixels a side are possible")]
+    #[error(
+        "a picture of {width} x {height} pixels cannot be drawn: 1 to {limit} pixels a side are possible"
+    )]
     Size {
         /// Width asked for, pixels.
         width: u32,
@@ -58,8 +64,7 @@ impl Gpu {
     /// # Errors
     /// [`GpuError`] if no driver is installed or it gives no device.
     pub fn offscreen() -> Result<Self, GpuError> {
-        let instance =
-            wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
         Self::with_instance(instance, None)
     }
 
@@ -71,8 +76,9 @@ impl Gpu {
         window: &Arc<Window>,
         display: OwnedDisplayHandle,
     ) -> Result<(Self, wgpu::Surface<'static>), GpuError> {
-        let instance =
-            wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(Box::new(display)));
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle_from_env(
+            Box::new(display),
+        ));
         let surface = instance.create_surface(Arc::clone(window)).map_err(|_| GpuError::NoSurface)?;
         let gpu = Self::with_instance(instance, Some(&surface))?;
         Ok((gpu, surface))
@@ -133,7 +139,9 @@ fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
         failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(reason);
     };
     let first = Arc::clone(failure);
-    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| keep(&first, error.to_string().replace('\n', " "))));
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+        keep(&first, error.to_string().replace('\n', " "))
+    }));
     let first = Arc::clone(failure);
     device.set_device_lost_callback(move |reason, message| {
         if reason != wgpu::DeviceLostReason::Destroyed {

@@ -79,13 +79,23 @@ enum State {
     #[default]
     Idle,
     /// Left is down; not yet clear whether it becomes a click or a drag.
-    Pressed { at: Vec2, particle: Option<u32> },
+    Pressed {
+        at: Vec2,
+        particle: Option<u32>,
+    },
     /// A particle is held: where the mouse took it, and in which plane it moves.
-    Holding { from: Vec3, normal: Vec3 },
+    Holding {
+        from: Vec3,
+        normal: Vec3,
+    },
     Orbiting,
     Panning,
-    Framing { from: Vec2 },
-    Roping { outline: Vec<Vec2> },
+    Framing {
+        from: Vec2,
+    },
+    Roping {
+        outline: Vec<Vec2>,
+    },
     /// Escape was pressed: nothing happens until every button is up.
     Cancelled,
 }
@@ -151,7 +161,14 @@ impl Hands {
                     intents.push(Intent::Click { particle, add: pointer.shift });
                     self.state = State::Idle;
                 } else if from.distance(at) > DRAG_THRESHOLD {
-                    self.begin_drag(pointer, camera, size, [from, at], particle.zip(particle.and_then(place)), &mut intents);
+                    self.begin_drag(
+                        pointer,
+                        camera,
+                        size,
+                        [from, at],
+                        particle.zip(particle.and_then(place)),
+                        &mut intents,
+                    );
                 }
             }
             State::Holding { from, normal } => {
@@ -180,7 +197,11 @@ impl Hands {
             State::Orbiting | State::Panning if pressed => {
                 if pointer.moved != Vec2::ZERO {
                     let orbits = self.state == State::Orbiting;
-                    intents.push(if orbits { Intent::Orbit(pointer.moved) } else { Intent::Pan(pointer.moved) });
+                    intents.push(if orbits {
+                        Intent::Orbit(pointer.moved)
+                    } else {
+                        Intent::Pan(pointer.moved)
+                    });
                 }
             }
             State::Orbiting | State::Panning | State::Cancelled if !pressed => self.state = State::Idle,
@@ -267,7 +288,8 @@ mod tests {
 
     #[test]
     fn a_click_selects_and_shift_adds() {
-        let click = play(&mut Hands::default(), &[left(400.0, 300.0), left(402.0, 301.0), mouse(402.0, 301.0)]);
+        let click =
+            play(&mut Hands::default(), &[left(400.0, 300.0), left(402.0, 301.0), mouse(402.0, 301.0)]);
         assert_eq!(click, [Intent::Click { particle: Some(7), add: false }]);
         let shift = Pointer { shift: true, ..mouse(10.0, 10.0) };
         let click = play(&mut Hands::default(), &[Pointer { left: true, ..shift }, shift]);
@@ -325,7 +347,8 @@ mod tests {
         let intents = play(&mut Hands::default(), &framed);
         assert_eq!(intents, [Intent::Box([Vec2::splat(10.0), Vec2::new(50.0, 60.0)], true)]);
         let mut lasso = Hands { tool: Tool::Lasso, ..Default::default() };
-        let intents = play(&mut lasso, &[left(10.0, 10.0), left(50.0, 10.0), left(50.0, 50.0), mouse(50.0, 50.0)]);
+        let intents =
+            play(&mut lasso, &[left(10.0, 10.0), left(50.0, 10.0), left(50.0, 50.0), mouse(50.0, 50.0)]);
         assert!(matches!(&intents[..], [Intent::Lasso(outline, false)] if outline.len() == 3), "{intents:?}");
     }
 

@@ -15,6 +15,7 @@ pub mod session;
 pub mod shell;
 pub mod simulation;
 mod swapchain;
+pub mod theme;
 pub mod viewport;
 pub mod workbench;
 
@@ -45,10 +46,8 @@ pub enum AppError {
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
 pub fn run(scenes: Vec<Opened>) -> Result<(), AppError> {
-    let setups: Vec<LaneSetup> = scenes
-        .into_iter()
-        .map(|Opened { scene, place, title }| LaneSetup { title, scene, place })
-        .collect();
+    let setups: Vec<LaneSetup> =
+        scenes.into_iter().map(|Opened { scene, place, title }| LaneSetup { title, scene, place }).collect();
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
     let mut engine = Engine::new(setups.clone())?;
     let state = engine.state();

@@ -24,7 +24,13 @@ const CANDIDATES: usize = 64;
 const HIDING_MARGIN: f32 = 1e-3;
 
 /// The visible particle nearest to the cursor, at most `tolerance` pixels away; of equals the one nearest to the eye.
-pub fn nearest(target: &Target<'_>, camera: &Camera, size: Vec2, cursor: Vec2, tolerance: f32) -> Option<u32> {
+pub fn nearest(
+    target: &Target<'_>,
+    camera: &Camera,
+    size: Vec2,
+    cursor: Vec2,
+    tolerance: f32,
+) -> Option<u32> {
     let projector = camera.projector(size);
     let mut candidates: Vec<Candidate> = target
         .positions
@@ -36,7 +42,9 @@ pub fn nearest(target: &Target<'_>, camera: &Camera, size: Vec2, cursor: Vec2, t
             (away <= tolerance).then(|| Candidate { particle: i as u32, pixel, away, depth, hidden: false })
         })
         .collect();
-    candidates.sort_by(|a, b| a.away.total_cmp(&b.away).then(a.depth.total_cmp(&b.depth)).then(a.particle.cmp(&b.particle)));
+    candidates.sort_by(|a, b| {
+        a.away.total_cmp(&b.away).then(a.depth.total_cmp(&b.depth)).then(a.particle.cmp(&b.particle))
+    });
     candidates.truncate(CANDIDATES);
     if !candidates.is_empty() {
         hide(&mut candidates, target, camera, size, cursor, tolerance);

@@ -145,7 +145,8 @@ mod tests {
         change(&mut camera);
         let bounds = Bounds::of(&s.positions).expect("positions");
         camera.focus(&bounds, size);
-        let look = Look { camera: &camera, size, pixels_per_point: 1.0, ground_height: -25.0, bounds: Some(bounds) };
+        let look =
+            Look { camera: &camera, size, pixels_per_point: 1.0, ground_height: -25.0, bounds: Some(bounds) };
         let start = std::time::Instant::now();
         let pixels = draw(&gpu, &[parts(s)], &look, style, samples).expect("draws");
         eprintln!("{name}: {:?}", start.elapsed());
@@ -177,8 +178,11 @@ mod tests {
         shoot("light", &s, &light, 4, |c| c.pitch = 0.2);
         let strain = Style { surface_values: true, particles: false, ..dark.clone() };
         shoot("strain", &s, &strain, 4, |c| c.yaw = 0.2);
-        let strain = Style { spring_strain: true, surface: false, springs: [true, false, false], ..dark.clone() };
-        shoot("strain_springs", &s, &strain, 4, |c| c.projection = crate::app::camera::Projection::Orthographic);
+        let strain =
+            Style { spring_strain: true, surface: false, springs: [true, false, false], ..dark.clone() };
+        shoot("strain_springs", &s, &strain, 4, |c| {
+            c.projection = crate::app::camera::Projection::Orthographic
+        });
         let fine = sheet(200, folds);
         shoot("fine", &fine, &dark, 4, |_| {});
         let flat = sheet(25, |u, v| Vec3::new(24.0 * (u - 0.5), 0.0, 24.0 * (v - 0.5)));

@@ -93,16 +93,10 @@ pub struct Opening {
 /// [`ShellError`] if it cannot open or the device is lost.
 pub fn run<C: Content>(opening: Opening, build: impl FnOnce(&Stage<'_>) -> C) -> Result<(), ShellError> {
     display::probe()?;
-    let event_loop = EventLoop::<Wake>::with_user_event()
-        .build()
-        .map_err(|_| NoDisplay::Silent(display::name()))?;
-    let mut shell = Shell {
-        opening,
-        build: Some(build),
-        proxy: event_loop.create_proxy(),
-        open: None,
-        error: None,
-    };
+    let event_loop =
+        EventLoop::<Wake>::with_user_event().build().map_err(|_| NoDisplay::Silent(display::name()))?;
+    let mut shell =
+        Shell { opening, build: Some(build), proxy: event_loop.create_proxy(), open: None, error: None };
     let ended = event_loop.run_app(&mut shell);
     match shell.error {
         Some(error) => Err(error),
@@ -154,11 +148,8 @@ impl<C: Content, B: FnOnce(&Stage<'_>) -> C> Shell<C, B> {
         let (gpu, surface) = Gpu::for_window(&window, event_loop.owned_display_handle())?;
         let samples = self.opening.samples.unwrap_or_else(|| gpu.default_samples());
         let swapchain = Swapchain::new(&gpu, Arc::clone(&window), surface, samples)?;
-        let painter = egui_wgpu::Renderer::new(
-            &gpu.device,
-            swapchain.format(),
-            egui_wgpu::RendererOptions::default(),
-        );
+        let painter =
+            egui_wgpu::Renderer::new(&gpu.device, swapchain.format(), egui_wgpu::RendererOptions::default());
         let context = egui::Context::default();
         let proxy = self.proxy.clone();
         context.set_request_repaint_callback(move |info| {

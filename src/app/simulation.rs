@@ -80,7 +80,8 @@ fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>,
             told = Instant::now();
             news = false;
         }
-        let idle = if news { STATE_EVERY.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
+        let idle =
+            if news { STATE_EVERY.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
         if idle.is_zero() {
             continue;
         }
@@ -133,7 +134,8 @@ mod tests {
     #[test]
     fn a_slow_step_makes_nobody_wait() {
         // About 40 000 particles in debug mode: a beat takes far longer than a picture.
-        let mut simulation = start("(target: Grid(columns: 200, rows: 200, spacing: 1.0, plane: Horizontal))");
+        let mut simulation =
+            start("(target: Grid(columns: 200, rows: 200, spacing: 1.0, plane: Horizontal))");
         simulation.send(Order::Run(true));
         let start = Instant::now();
         for _ in 0..100 {

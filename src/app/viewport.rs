@@ -92,7 +92,8 @@ impl Viewport {
             }
             let down = |button| self.pressed && buttons.button_down(button);
             let at = buttons.latest_pos().filter(|_| over || self.pressed || self.hands.are_holding());
-            let scroll = if over { (input.smooth_scroll_delta().y * 0.004).exp() * input.zoom_delta() } else { 1.0 };
+            let scroll =
+                if over { (input.smooth_scroll_delta().y * 0.004).exp() * input.zoom_delta() } else { 1.0 };
             Pointer {
                 at: at.map(|p| self.to_pixel(p)),
                 moved: Vec2::new(buttons.delta().x, buttons.delta().y) * self.pixels_per_point,

@@ -9,11 +9,11 @@ use super::{
     camera::{Bounds, Side},
     engine::{LaneState, Order, Values},
     hands::Intent,
-    panels,
-    picking,
+    panels, picking,
     render::{Cloth, Frame, Style, Theme, flag},
     session::Session,
     shell::{Canvas, Content, Stage},
+    theme,
     viewport::{Drawing, Tile, Viewport},
 };
 
@@ -58,6 +58,7 @@ impl Workbench {
     pub fn attach(&mut self, stage: &Stage<'_>) {
         self.drawing = Some((Drawing::new(stage), Vec::new()));
         self.device = stage.gpu.description();
+        theme::apply(stage.egui);
     }
 
     /// One frame of panels and input.
@@ -119,7 +120,8 @@ impl Workbench {
         let size = self.viewport.size();
         if let Some(bounds) = Bounds::of(lane.positions.iter()) {
             // Cloth falls: below a flat sheet there must be room for it.
-            let fall = ((bounds.max - bounds.min).with_y(0.0).max_element() - (bounds.max.y - bounds.min.y)).max(0.0);
+            let fall = ((bounds.max - bounds.min).with_y(0.0).max_element() - (bounds.max.y - bounds.min.y))
+                .max(0.0);
             let room = Bounds { min: bounds.min - Vec3::Y * fall * 0.8, max: bounds.max };
             self.ground_height = bounds.min.y - fall * 1.1 - bounds.radius() * 0.1;
             self.viewport.camera.focus(&room, size);
@@ -271,8 +273,11 @@ fn blend(
     let Some(previous) = lane.previous.as_ref().filter(|_| running && !beat.is_zero()) else { return false };
     let part = (at.elapsed().as_secs_f32() / beat.as_secs_f32()).min(1.0);
     into.clear();
-    into.extend(previous.iter().zip(lane.positions.iter()).map(|(&a, &b)| {
-        Vec3::from(a).lerp(Vec3::from(b), part).to_array()
-    }));
+    into.extend(
+        previous
+            .iter()
+            .zip(lane.positions.iter())
+            .map(|(&a, &b)| Vec3::from(a).lerp(Vec3::from(b), part).to_array()),
+    );
     true
 }

@@ -9,22 +9,38 @@ pub fn display_ui(ui: &mut Ui, style: &mut Style) {
     ui.checkbox(&mut style.surface, "Surface").on_hover_text("The lit cloth");
     ui.add_enabled_ui(style.surface, |ui| {
         ui.checkbox(&mut style.edges, "Edges of the faces");
-        ui.checkbox(&mut style.surface_values, "Surface by strain").on_hover_text("Mean strain of the springs around each particle");
+        ui.checkbox(&mut style.surface_values, "Surface by strain")
+            .on_hover_text("Mean strain of the springs around each particle");
     });
-    ui.checkbox(&mut style.particles, "Particles").on_hover_text("Pinned, grabbed and selected ones are always shown");
-    slider(ui, "Particle size", &mut style.particle_size, 0.02..=0.5, "Radius as a part of the mean spring length");
+    ui.checkbox(&mut style.particles, "Particles")
+        .on_hover_text("Pinned, grabbed and selected ones are always shown");
+    slider(
+        ui,
+        "Particle size",
+        &mut style.particle_size,
+        0.02..=0.5,
+        "Radius as a part of the mean spring length",
+    );
     ui.add_space(4.0);
     for (kind, name) in ["Stretch springs", "Shear springs", "Bend springs"].into_iter().enumerate() {
         ui.horizontal(|ui| {
             let colour = ui.color_edit_button_srgb(&mut style.colours.springs[kind]);
-            colour.widget_info(|| WidgetInfo::labeled(egui::Role::ColorWell, true, format!("Colour of {name}")));
+            colour.widget_info(|| {
+                WidgetInfo::labeled(egui::Role::ColorWell, true, format!("Colour of {name}"))
+            });
             ui.checkbox(&mut style.springs[kind], name);
         });
     }
     slider(ui, "Line width", &mut style.line_width, 0.5..=6.0, "Points");
     ui.checkbox(&mut style.spring_strain, "Springs by strain");
     if style.spring_strain || style.surface_values {
-        slider(ui, "Strain range", &mut style.value_range, 0.001..=2.0, "Strain that gets the last colour of the ramp");
+        slider(
+            ui,
+            "Strain range",
+            &mut style.value_range,
+            0.001..=2.0,
+            "Strain that gets the last colour of the ramp",
+        );
         legend(ui, style.value_range);
     }
     ui.add_space(4.0);
@@ -51,7 +67,9 @@ pub fn display_ui(ui: &mut Ui, style: &mut Style) {
         for (name, colour) in named {
             ui.horizontal(|ui| {
                 let button = ui.color_edit_button_srgb(colour);
-                button.widget_info(|| WidgetInfo::labeled(egui::Role::ColorWell, true, format!("Colour {name}")));
+                button.widget_info(|| {
+                    WidgetInfo::labeled(egui::Role::ColorWell, true, format!("Colour {name}"))
+                });
                 ui.label(name);
             });
         }
@@ -82,7 +100,10 @@ pub fn legend(ui: &mut Ui, range: f32) {
         let value = (i as f32 + 0.5) / steps as f32 * 2.0 - 1.0;
         let [r, g, b] = strain_colour(value);
         let left = rect.left() + width * i as f32 / steps as f32;
-        let cell = egui::Rect::from_min_size(egui::pos2(left, rect.top()), egui::vec2(width / steps as f32 + 0.5, 12.0));
+        let cell = egui::Rect::from_min_size(
+            egui::pos2(left, rect.top()),
+            egui::vec2(width / steps as f32 + 0.5, 12.0),
+        );
         ui.painter().rect_filled(cell, 0.0, Color32::from_rgb(r, g, b));
     }
     ui.horizontal(|ui| {

@@ -19,8 +19,16 @@ pub fn health_ui(ui: &mut Ui, session: &Session) {
         row("Kinetic", format!("{:.4e} J", energy.kinetic), "Σ m v² / 2");
         row("Gravitational", format!("{:.4e} J", energy.gravitational), "Σ m g y");
         row("Elastic", format!("{:.4e} J", energy.elastic), "Σ k (|d| - L)² / 2");
-        row("Largest strain", format!("{:.2} %", 100.0 * lane.measures.max_strain), "|d|/L - 1 over the springs that act");
-        row("Mean strain", format!("{:.2} %", 100.0 * lane.measures.mean_strain), "|d|/L - 1 over the springs that act");
+        row(
+            "Largest strain",
+            format!("{:.2} %", 100.0 * lane.measures.max_strain),
+            "|d|/L - 1 over the springs that act",
+        );
+        row(
+            "Mean strain",
+            format!("{:.2} %", 100.0 * lane.measures.mean_strain),
+            "|d|/L - 1 over the springs that act",
+        );
         row("Cost", format!("{:.3} s/s", lane.cost), "Seconds of computing for each simulated second");
         if lane.broken > 0 {
             row("Torn springs", lane.broken.to_string(), "Broken for good, until a reset");

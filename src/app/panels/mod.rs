@@ -2,6 +2,7 @@
 
 mod display;
 mod health;
+mod icons;
 mod params;
 mod simulation;
 mod status;

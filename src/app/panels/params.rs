@@ -4,6 +4,7 @@
 use egui::{Color32, RichText, Slider, SliderClamping, Ui, WidgetInfo};
 use glam::DVec3;
 
+use super::icons::{Icon, small_icon_button};
 use crate::params::{Info, Scale, Visitor};
 
 /// A parameter that the user has changed: its path in the scene, and RON texts of its value now and before.
@@ -51,7 +52,8 @@ pub fn params_ui(
     Changes { changes: drawer.changes, ended: drawer.ended }
 }
 
-const LABEL_WIDTH: f32 = 104.0;
+/// From the panel's edge to the widgets, points.
+const LABEL_WIDTH: f32 = 122.0;
 
 impl ParamsUi<'_> {
     fn key(&self, name: &str) -> String {
@@ -81,24 +83,28 @@ impl ParamsUi<'_> {
             let text = RichText::new(info.label());
             let text = if differs { text.strong() } else { text };
             let height = ui.spacing().interact_size.y;
+            // However deep a group is, its widgets stand below each other.
+            let indent = ui.cursor().left() - ui.clip_rect().left();
+            let width = (LABEL_WIDTH - indent).max(40.0);
             let label = ui.allocate_ui_with_layout(
-                egui::vec2(LABEL_WIDTH, height),
+                egui::vec2(width, height),
                 egui::Layout::left_to_right(egui::Align::Center),
                 |ui| {
-                    ui.set_min_width(LABEL_WIDTH);
+                    ui.set_min_width(width);
                     ui.add(egui::Label::new(text).truncate())
                 },
             );
             let tip = tooltip(info, &key, &default);
             label.inner.on_hover_text(&tip);
             let (response, new) = widget(ui, &name);
-            ended = response.drag_stopped() || response.lost_focus() || (response.changed() && !response.dragged());
+            ended = response.drag_stopped()
+                || response.lost_focus()
+                || (response.changed() && !response.dragged());
             response.on_hover_text(tip);
             changed = new;
             if differs {
-                let back = ui.add(egui::Button::new(RichText::new("⟲").color(ui.visuals().weak_text_color())).frame(false));
-                back.widget_info(|| WidgetInfo::labeled(egui::Role::Button, true, format!("Reset {name}")));
-                if back.on_hover_text(format!("Back to {default}")).clicked() {
+                let (name, tip) = (format!("Reset {name}"), format!("Back to {default}"));
+                if small_icon_button(ui, Icon::Back, &name, &tip).clicked() {
                     changed = Some(default.clone());
                     ended = true;
                 }
@@ -130,7 +136,7 @@ fn tooltip(info: &Info, key: &str, default: &str) -> String {
 fn number_slider(ui: &mut Ui, info: &Info, value: &mut f64, name: &str, integer: bool) -> egui::Response {
     let suffix = if info.unit.is_empty() { String::new() } else { format!(" {}", info.unit) };
     let response = if let Some((scale, range)) = &info.slider {
-        ui.spacing_mut().slider_width = (ui.available_width() - 96.0).clamp(40.0, 160.0);
+        ui.spacing_mut().slider_width = (ui.available_width() - 132.0).clamp(40.0, 150.0);
         let mut slider = Slider::new(value, range.clone())
             .logarithmic(*scale == Scale::Log)
             .clamping(SliderClamping::Never)
@@ -240,8 +246,15 @@ impl Visitor for ParamsUi<'_> {
             .id_salt(&key)
             .default_open(true)
             .show(self.ui, |ui| {
-                let mut drawer =
-                    ParamsUi { ui, path: path.clone(), prefix, hidden: false, hide, changes: Vec::new(), ended: false };
+                let mut drawer = ParamsUi {
+                    ui,
+                    path: path.clone(),
+                    prefix,
+                    hidden: false,
+                    hide,
+                    changes: Vec::new(),
+                    ended: false,
+                };
                 inside(&mut drawer);
                 (drawer.changes, drawer.ended)
             });

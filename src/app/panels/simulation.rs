@@ -16,10 +16,12 @@ pub fn simulation_ui(ui: &mut Ui, session: &mut Session) {
     let lanes = session.state().lanes.len();
     let lane = session.lane;
     let mut own = method_ui(ui, session);
-    let ignores_stiffness = find(&scene.simulator.id).is_ok_and(|entry| entry.model == Model::RigidConstraints);
+    let ignores_stiffness =
+        find(&scene.simulator.id).is_ok_and(|entry| entry.model == Model::RigidConstraints);
     if let Ok(entry) = find(&scene.simulator.id) {
-        let changes =
-            params_ui(ui, "simulator.params", &|_| false, |visitor| entry.visit(&scene.simulator.params, visitor));
+        let changes = params_ui(ui, "simulator.params", &|_| false, |visitor| {
+            entry.visit(&scene.simulator.params, visitor)
+        });
         own.changes.extend(changes.changes);
         own.ended |= changes.ended;
     }
@@ -56,11 +58,15 @@ fn method_ui(ui: &mut Ui, session: &Session) -> Changes {
     let mut chosen = current.clone();
     ui.horizontal(|ui| {
         ui.label(RichText::new("Method").strong());
-        let combo = egui::ComboBox::from_id_salt("method").width(180.0).selected_text(title(&current)).show_ui(ui, |ui| {
-            for entry in simulators::ALL {
-                ui.selectable_value(&mut chosen, entry.id.to_owned(), title(entry.id)).on_hover_text(entry.summary);
-            }
-        });
+        let combo = egui::ComboBox::from_id_salt("method")
+            .width(180.0)
+            .selected_text(title(&current))
+            .show_ui(ui, |ui| {
+                for entry in simulators::ALL {
+                    ui.selectable_value(&mut chosen, entry.id.to_owned(), title(entry.id))
+                        .on_hover_text(entry.summary);
+                }
+            });
         combo.response.widget_info(|| WidgetInfo::labeled(egui::Role::ComboBox, true, "Method"));
     });
     if let Ok(entry) = find(&current) {
@@ -91,13 +97,13 @@ fn mass_ui(ui: &mut Ui, mass: &Mass) -> Changes {
         Mass::PerParticle(value) => (false, value),
         Mass::PerArea(value) => (true, value),
     };
-    let text = |by_area: bool, value: f64| {
-        format!("{}({value:?})", if by_area { "PerArea" } else { "PerParticle" })
-    };
+    let text =
+        |by_area: bool, value: f64| format!("{}({value:?})", if by_area { "PerArea" } else { "PerParticle" });
     let before = text(by_area, value);
     let mut ended = false;
     ui.horizontal(|ui| {
-        ui.label(RichText::new("Mass").strong()).on_hover_text("Of every particle, or by the area of the faces around it");
+        ui.label(RichText::new("Mass").strong())
+            .on_hover_text("Of every particle, or by the area of the faces around it");
         let combo = egui::ComboBox::from_id_salt("mass kind")
             .width(110.0)
             .selected_text(if by_area { "per area" } else { "per particle" })
@@ -108,17 +114,15 @@ fn mass_ui(ui: &mut Ui, mass: &Mass) -> Changes {
         combo.response.widget_info(|| WidgetInfo::labeled(egui::Role::ComboBox, true, "Mass kind"));
         let unit = if by_area { " kg/m²" } else { " kg" };
         let speed = (value * 0.01).max(1e-6);
-        let field = egui::DragValue::new(&mut value).speed(speed).range(Mass::RANGE).suffix(unit).max_decimals(6);
+        let field =
+            egui::DragValue::new(&mut value).speed(speed).range(Mass::RANGE).suffix(unit).max_decimals(6);
         let field = ui.add(field);
         field.widget_info(|| WidgetInfo::labeled(egui::Role::SpinButton, true, "Mass"));
         ended = field.drag_stopped() || field.lost_focus();
     });
     let now = text(by_area, value);
-    let changes = if now == before {
-        Vec::new()
-    } else {
-        vec![Change { key: "mass".to_owned(), value: now, before }]
-    };
+    let changes =
+        if now == before { Vec::new() } else { vec![Change { key: "mass".to_owned(), value: now, before }] };
     Changes { changes, ended }
 }
 

@@ -16,9 +16,9 @@ pub fn status_ui(ui: &mut Ui, session: &Session, device: &str, uploaded: u64) {
         ui.label(RichText::new(format!("t = {:.2} s", lane.time)).monospace());
         match (state.running, state.pace) {
             (false, _) => ui.label("paused"),
-            (true, Some(pace)) if pace < 0.95 * state.speed => {
-                ui.label(RichText::new(format!("{pace:.2}x real time, {}x asked for", state.speed)).color(WARNING))
-            }
+            (true, Some(pace)) if pace < 0.95 * state.speed => ui.label(
+                RichText::new(format!("{pace:.2}x real time, {}x asked for", state.speed)).color(WARNING),
+            ),
             (true, _) => ui.label(format!("{}x real time", state.speed)),
         };
         match lane.health {

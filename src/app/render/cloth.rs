@@ -68,7 +68,11 @@ impl Cloth {
         let triangles = Buffer::new(device, "triangles", Usage::STORAGE | Usage::INDEX);
         Self {
             bind_group: bind_cloth(device, layouts, [&uniform, &positions, &normals, &flags, &values]),
-            normals_group: bind_normals(device, layouts, [&positions, &triangles, &starts, &around, &normals]),
+            normals_group: bind_normals(
+                device,
+                layouts,
+                [&positions, &triangles, &starts, &around, &normals],
+            ),
             marked_group: bind_marked(device, layouts, &marked),
             lines: std::array::from_fn(|kind| LineSet::new(device, queue, layouts, kind)),
             uniform,

@@ -39,7 +39,10 @@ impl Layouts {
                     count: None,
                 })
                 .collect();
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(label),
+                entries: &entries,
+            })
         };
         let fragment_entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,

@@ -115,8 +115,15 @@ impl Default for Style {
 }
 
 /// Stops of the diverging ramp from compressed through unstrained to stretched; the legend and the shaders both read it.
-pub const STRAIN_RAMP: [Colour; 7] =
-    [[44, 92, 240], [84, 150, 246], [164, 206, 246], [228, 228, 224], [250, 192, 112], [244, 114, 62], [218, 32, 54]];
+pub const STRAIN_RAMP: [Colour; 7] = [
+    [44, 92, 240],
+    [84, 150, 246],
+    [164, 206, 246],
+    [228, 228, 224],
+    [250, 192, 112],
+    [244, 114, 62],
+    [218, 32, 54],
+];
 
 /// The ramp's colour at `value` between -1 and 1, mixed as the shaders mix it.
 pub fn strain_colour(value: f32) -> Colour {

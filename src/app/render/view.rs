@@ -3,12 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 
-use super::{
-    Renderer, Style, Theme,
-    buffer::Buffer,
-    shadow,
-    style::rgba,
-};
+use super::{Renderer, Style, Theme, buffer::Buffer, shadow, style::rgba};
 use crate::app::camera::{Bounds, Camera, Projection};
 
 /// What a view shows.
@@ -84,7 +79,10 @@ impl View {
             label: Some("shadow map"),
             layout: &renderer.layouts.shadow_map,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&shadow_map) },
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&shadow_map),
+                },
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
             ],
         });
