@@ -24,7 +24,7 @@ pub enum Order {
     /// Replaces everything by these lanes.
     Open(Vec<LaneSetup>),
     /// Adds a lane: the scene of the first one with another method, from the current state of the first.
-    AddLane(LaneSetup),
+    AddLane(Box<LaneSetup>),
     /// Removes a lane; the last one stays.
     RemoveLane(usize),
     /// Applies a command to one lane, or to all.
@@ -213,7 +213,7 @@ impl Engine {
         match order {
             Order::Open(setups) => self.open(setups)?,
             Order::AddLane(setup) => {
-                let lane = self.lane(setup)?;
+                let lane = Lane::open(*setup)?;
                 self.lanes.push(lane);
                 self.time = 0.0;
                 self.restart_all()?;
@@ -255,30 +255,10 @@ impl Engine {
 
     fn open(&mut self, setups: Vec<LaneSetup>) -> Result<(), Refusal> {
         // Built before the old ones go: a refused scene leaves everything as it was.
-        self.lanes = setups.into_iter().map(|setup| self.lane(setup)).collect::<Result<_, _>>()?;
+        self.lanes = setups.into_iter().map(Lane::open).collect::<Result<_, _>>()?;
         self.time = 0.0;
         self.rest();
         Ok(())
-    }
-
-    fn lane(&mut self, setup: LaneSetup) -> Result<Lane, Refusal> {
-        let world = World::new(setup.scene, setup.place)?;
-        let mut lane = Lane {
-            title: setup.title,
-            geometry: Arc::default(),
-            shape: (usize::MAX, 0, 0),
-            previous: Vec::new(),
-            measures: Measures::default(),
-            dt_limit: None,
-            warnings: Arc::new(world.warnings()),
-            remembered: VecDeque::new(),
-            spent: Default::default(),
-            cost: 0.0,
-            world,
-        };
-        lane.measure();
-        lane.remember(usize::MAX);
-        Ok(lane)
     }
 
     fn apply(&mut self, only: Option<usize>, command: &Command) -> Result<(), Refusal> {
@@ -455,13 +435,33 @@ impl Engine {
 }
 
 impl Lane {
+    fn open(setup: LaneSetup) -> Result<Self, Refusal> {
+        let world = World::new(setup.scene, setup.place)?;
+        let mut lane = Self {
+            title: setup.title,
+            geometry: Arc::default(),
+            shape: (usize::MAX, 0, 0),
+            previous: Vec::new(),
+            measures: Measures::default(),
+            dt_limit: None,
+            warnings: Arc::new(world.warnings()),
+            remembered: VecDeque::new(),
+            spent: (Duration::ZERO, 0.0),
+            cost: 0.0,
+            world,
+        };
+        lane.measure();
+        lane.remember(usize::MAX);
+        Ok(lane)
+    }
+
     fn measure(&mut self) {
         self.measures = self.world.measures();
         self.dt_limit = self.world.dt_limit(&self.world.spectrum());
         if self.spent.1 > 0.0 {
             let now = self.spent.0.as_secs_f64() / self.spent.1;
             self.cost = if self.cost == 0.0 { now } else { 0.7 * self.cost + 0.3 * now };
-            self.spent = Default::default();
+            self.spent = (Duration::ZERO, 0.0);
         }
     }
 

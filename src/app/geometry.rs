@@ -1,5 +1,7 @@
 //! What of a world's topology is drawn: its faces as triangles, their edges and the springs, without what is torn.
 
+use std::collections::HashSet;
+
 use crate::{
     app::render::{Springs, Topology},
     world::World,
@@ -70,16 +72,16 @@ impl Geometry {
 
 /// The torn springs, for asking whether a face still holds together.
 struct Torn {
-    ids: std::collections::HashSet<u32>,
-    edges: std::collections::HashSet<[u32; 2]>,
-    diagonals: std::collections::HashSet<[u32; 2]>,
+    ids: HashSet<u32>,
+    edges: HashSet<[u32; 2]>,
+    diagonals: HashSet<[u32; 2]>,
 }
 
 impl Torn {
     fn of(world: &World) -> Self {
         let [stretch, shear, _] = &world.topology().pairs;
         let ids = world.broken().iter().copied().collect();
-        let mut torn = Self { ids, edges: Default::default(), diagonals: Default::default() };
+        let mut torn = Self { ids, edges: HashSet::new(), diagonals: HashSet::new() };
         for &id in world.broken() {
             let id = id as usize;
             if let Some(pair) = stretch.get(id) {

@@ -140,7 +140,7 @@ fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
     };
     let first = Arc::clone(failure);
     device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-        keep(&first, error.to_string().replace('\n', " "))
+        keep(&first, error.to_string().replace('\n', " "));
     }));
     let first = Arc::clone(failure);
     device.set_device_lost_callback(move |reason, message| {

@@ -21,6 +21,7 @@ pub enum Tool {
 
 /// The mouse in one frame, in pixels of the viewport.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(clippy::struct_excessive_bools)]
 pub struct Pointer {
     /// Where it is; `None` outside of the window.
     pub at: Option<Vec2>,
@@ -194,15 +195,11 @@ impl Hands {
                     self.state = State::Idle;
                 }
             }
-            State::Orbiting | State::Panning if pressed => {
-                if pointer.moved != Vec2::ZERO {
-                    let orbits = self.state == State::Orbiting;
-                    intents.push(if orbits {
-                        Intent::Orbit(pointer.moved)
-                    } else {
-                        Intent::Pan(pointer.moved)
-                    });
-                }
+            State::Orbiting if pressed && pointer.moved != Vec2::ZERO => {
+                intents.push(Intent::Orbit(pointer.moved));
+            }
+            State::Panning if pressed && pointer.moved != Vec2::ZERO => {
+                intents.push(Intent::Pan(pointer.moved));
             }
             State::Orbiting | State::Panning | State::Cancelled if !pressed => self.state = State::Idle,
             _ => {}

@@ -39,7 +39,7 @@ pub fn nearest(
         .filter_map(|(i, &position)| {
             let Projected { pixel, depth } = projector.pixel(Vec3::from(position))?;
             let away = pixel.distance(cursor);
-            (away <= tolerance).then(|| Candidate { particle: i as u32, pixel, away, depth, hidden: false })
+            (away <= tolerance).then_some(Candidate { particle: i as u32, pixel, away, depth, hidden: false })
         })
         .collect();
     candidates.sort_by(|a, b| {

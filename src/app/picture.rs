@@ -41,10 +41,10 @@ pub fn draw(
         })
         .collect();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    renderer.prepare(&mut encoder, &view, &mut stored.iter_mut().collect::<Vec<_>>(), style);
+    renderer.prepare(&mut encoder, &view, &mut stored, style);
     let attachments = Attachments::new(device, PICTURE_FORMAT, size, samples);
     let mut pass = attachments.begin(&mut encoder, &picture.view(), wgpu::Color::BLACK);
-    renderer.draw(&mut pass, &view, stored.iter(), style);
+    renderer.draw(&mut pass, &view, &stored, style);
     drop(pass);
     queue.submit([encoder.finish()]);
     let rgba = picture.read(gpu)?;
@@ -181,7 +181,7 @@ mod tests {
         let strain =
             Style { spring_strain: true, surface: false, springs: [true, false, false], ..dark.clone() };
         shoot("strain_springs", &s, &strain, 4, |c| {
-            c.projection = crate::app::camera::Projection::Orthographic
+            c.projection = crate::app::camera::Projection::Orthographic;
         });
         let fine = sheet(200, folds);
         shoot("fine", &fine, &dark, 4, |_| {});

@@ -198,8 +198,7 @@ impl Drawing {
                 bounds: tile.bounds,
             };
             view.set(&canvas.gpu.queue, &look, style);
-            let mut shown: Vec<&mut Cloth> = cloths[tile.lanes.clone()].iter_mut().collect();
-            self.renderer.prepare(canvas.encoder, view, &mut shown, style);
+            self.renderer.prepare(canvas.encoder, view, &mut cloths[tile.lanes.clone()], style);
             self.uploaded += view.take_uploaded();
         }
         let mut pass = canvas.attachments.begin(canvas.encoder, canvas.target, wgpu::Color::BLACK);
@@ -215,7 +214,7 @@ impl Drawing {
             let right = (x + w).ceil().min(width as f32) as u32;
             let bottom = (y + h).ceil().min(height as f32) as u32;
             pass.set_scissor_rect(x as u32, y as u32, right - x as u32, bottom - y as u32);
-            self.renderer.draw(&mut pass, view, cloths[tile.lanes.clone()].iter(), style);
+            self.renderer.draw(&mut pass, view, &cloths[tile.lanes.clone()], style);
         }
         drop(pass);
         self.uploaded += cloths.iter_mut().map(Cloth::take_uploaded).sum::<u64>();

@@ -20,7 +20,7 @@ pub fn simulation_ui(ui: &mut Ui, session: &mut Session) {
         find(&scene.simulator.id).is_ok_and(|entry| entry.model == Model::RigidConstraints);
     if let Ok(entry) = find(&scene.simulator.id) {
         let changes = params_ui(ui, "simulator.params", &|_| false, |visitor| {
-            entry.visit(&scene.simulator.params, visitor)
+            entry.visit(&scene.simulator.params, visitor);
         });
         own.changes.extend(changes.changes);
         own.ended |= changes.ended;

@@ -104,28 +104,22 @@ impl Renderer {
         &self,
         encoder: &mut wgpu::CommandEncoder,
         view: &View,
-        cloths: &mut [&mut Cloth],
+        cloths: &mut [Cloth],
         style: &Style,
     ) {
         for cloth in cloths.iter_mut() {
             self.normals.compute(encoder, cloth);
         }
         if style.shadow && style.ground {
-            self.shadow.draw(encoder, view, cloths.iter().map(|cloth| &**cloth));
+            self.shadow.draw(encoder, view, cloths.iter());
         }
     }
 
     /// Draws one view; the pass' viewport and scissor say where.
-    pub fn draw<'c>(
-        &self,
-        pass: &mut wgpu::RenderPass<'_>,
-        view: &View,
-        cloths: impl Iterator<Item = &'c Cloth> + Clone,
-        style: &Style,
-    ) {
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, view: &View, cloths: &[Cloth], style: &Style) {
         pass.set_bind_group(0, &view.bind_group, &[]);
         self.ground.draw_backdrop(pass, view);
-        for cloth in cloths.clone() {
+        for cloth in cloths {
             pass.set_bind_group(1, &cloth.bind_group, &[]);
             if style.surface {
                 self.surface.draw(pass, cloth);

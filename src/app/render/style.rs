@@ -128,7 +128,7 @@ pub const STRAIN_RAMP: [Colour; 7] = [
 /// The ramp's colour at `value` between -1 and 1, mixed as the shaders mix it.
 pub fn strain_colour(value: f32) -> Colour {
     let last = STRAIN_RAMP.len() - 1;
-    let place = (value.clamp(-1.0, 1.0) + 1.0) / 2.0 * last as f32;
+    let place = f32::midpoint(value.clamp(-1.0, 1.0), 1.0) * last as f32;
     let stop = (place as usize).min(last - 1);
     let part = place - stop as f32;
     std::array::from_fn(|i| {
