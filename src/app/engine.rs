@@ -145,7 +145,8 @@ struct Lane {
     title: String,
     world: World,
     geometry: Arc<Geometry>,
-    shape: (usize, usize, usize),
+    /// Torn springs that `geometry` leaves out; none once the geometry is out of date.
+    shape: Option<usize>,
     previous: Vec<[f32; 3]>,
     measures: Measures,
     dt_limit: Option<f64>,
@@ -267,8 +268,13 @@ impl Engine {
         for (_, lane) in self.lanes.iter_mut().enumerate().filter(|(i, _)| chosen(*i)) {
             result = result.and(lane.world.apply(command.clone()));
             lane.warnings = Arc::new(lane.world.warnings());
-            if *command == Command::Reset {
-                lane.remembered.clear();
+            match command {
+                Command::Reset => {
+                    lane.remembered.clear();
+                    lane.shape = None;
+                }
+                Command::Set { key, .. } if key.starts_with("target") => lane.shape = None,
+                _ => {}
             }
         }
         if *command == Command::Reset {
@@ -294,6 +300,7 @@ impl Engine {
             }
             if let Some(snapshot) = lane.remembered.back() {
                 lane.world.restore(snapshot);
+                lane.shape = None;
             }
         }
         self.time = self.lanes.iter().map(|lane| lane.world.time()).fold(0.0, f64::max);
@@ -440,7 +447,7 @@ impl Lane {
         let mut lane = Self {
             title: setup.title,
             geometry: Arc::default(),
-            shape: (usize::MAX, 0, 0),
+            shape: None,
             previous: Vec::new(),
             measures: Measures::default(),
             dt_limit: None,
@@ -478,9 +485,8 @@ impl Lane {
 
     fn state(&mut self, values: Values, reference: Option<&[DVec3]>, geometries: &mut u64) -> LaneState {
         let world = &self.world;
-        let mesh = world.mesh();
-        // Torn springs only ever become more, and a new target is a new mesh: these numbers tell.
-        let shape = (world.broken().len(), std::ptr::from_ref(mesh) as usize, mesh.positions.len());
+        // Between commands springs only tear: their number tells.
+        let shape = Some(world.broken().len());
         if shape != self.shape {
             *geometries += 1;
             self.geometry = Arc::new(Geometry::of(world, *geometries));
