@@ -413,7 +413,7 @@ impl World {
         on!(cloth, c => {
             ledger.hands(c, hands);
             for hand in hands.iter().filter(|h| h.holds()) {
-                c.set_velocity(hand.particle, (hand.next() - c.position(hand.particle)) / dt);
+                c.set_velocity(hand.particle, (hand.next() - hand.at()) / dt);
             }
             c.set_pulls(hands);
             match threads {
