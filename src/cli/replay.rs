@@ -1,11 +1,11 @@
 //! `tenter replay`: runs a recording again and compares the end with what was recorded.
 
-use super::run::{Results, execute, folder_of};
+use super::run::{Results, execute};
 use super::{Common, Ending};
 use crate::scene::{Place, Refusal, read_limited};
 use crate::world::Recording;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct Options {
@@ -21,10 +21,9 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
     let name = options.log.display();
     let text = read_limited(&options.log)?;
     let mut recording = Recording::from_ron(&text).map_err(|e| e.at(&name))?;
-    for (key, value) in &options.common.set {
-        recording.scene.set_key(key, value).map_err(|e| e.at("--set"))?;
-    }
-    let mut world = recording.start(Place::folder(folder_of(&options.log))).map_err(|e| e.at(&name))?;
+    let mut place = Place::folder(options.log.parent().unwrap_or(Path::new(".")));
+    options.common.change(&mut recording.scene, &mut place)?;
+    let mut world = recording.start(place).map_err(|e| e.at(&name))?;
     world.set_threads(options.common.threads as usize)?;
     let mut next = 0;
     let (world, ending) =

@@ -62,8 +62,9 @@ pub fn run(options: &Options) -> Result<Ending, Refusal> {
     let world = options.common.world(&opened)?;
     let (world, ending) =
         execute(world, &options.results, &options.common, &opened.title, steps, |_| Ok(()))?;
-    if let Some(file) = record {
-        file.finish(Recording::of(opened.scene, &world).to_ron()?.as_bytes())?;
+    if let (Some(file), Some(path)) = (record, &options.record) {
+        let scene = opened.place.moved(&opened.scene, path.parent().unwrap_or(Path::new(".")));
+        file.finish(Recording::of(scene, &world).to_ron()?.as_bytes())?;
     }
     Ok(ending)
 }
@@ -262,9 +263,4 @@ impl<'a> RunResult<'a> {
             self.cost.spring_visits,
         )
     }
-}
-
-/// The folder that a file lies in.
-pub fn folder_of(file: &Path) -> &Path {
-    file.parent().unwrap_or(Path::new("."))
 }
