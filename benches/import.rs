@@ -53,7 +53,7 @@ fn import(c: &mut Criterion) {
     let numbers = || text.split_ascii_whitespace().filter_map(|w| w.parse::<f64>().ok()).sum::<f64>();
     group.bench_function("obj_parse_numbers_only", |b| b.iter(|| black_box(numbers())));
     group.bench_function("obj", |b| {
-        b.iter(|| import_bytes("a.obj", text.as_bytes(), None, &options).unwrap())
+        b.iter(|| import_bytes("a.obj", text.as_bytes(), None, &options).unwrap());
     });
     let nearby = ImportOptions { weld: 1e-6, ..options };
     group.bench_function("obj_weld_1e-6", |b| {

@@ -67,11 +67,14 @@ impl Info {
         }
     }
 
-    /// Adds what would be accepted to an error that cannot know it, such as that of a number that does not parse.
-    fn explain(&self, error: impl fmt::Display) -> String {
-        let error = error.to_string();
-        let name = if error.contains(self.name) { String::new() } else { format!("{}: ", self.name) };
-        format!("{name}{error}; accepted: {}", self.accepted())
+    /// A value of the wrong type.
+    fn wrong<E: de::Error>(&self, error: &E) -> E {
+        E::custom(format!("{}: {error}; accepted: {}", self.name, self.accepted()))
+    }
+
+    /// A text that is no value of this type.
+    fn unreadable(&self, error: &str) -> String {
+        format!("{error}; accepted: {}", self.accepted())
     }
 
     fn check(&self, value: f64) -> Result<(), String> {
@@ -238,15 +241,14 @@ pub fn one_line(text: &str) -> String {
 
 impl Param for f64 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value =
-            <f64 as de::Deserialize>::deserialize(from).map_err(|e| de::Error::custom(info.explain(e)))?;
+        let value = <f64 as de::Deserialize>::deserialize(from).map_err(|e| info.wrong(&e))?;
         info.check(value).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let value = parse(info.name, text).map_err(|e| info.explain(e))?;
+        let value = parse(info.name, text).map_err(|e| info.unreadable(&e))?;
         info.check(value)?;
         *self = value;
         Ok(())
@@ -258,15 +260,14 @@ impl Param for f64 {
 
 impl Param for u32 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value =
-            <u32 as de::Deserialize>::deserialize(from).map_err(|e| de::Error::custom(info.explain(e)))?;
+        let value = <u32 as de::Deserialize>::deserialize(from).map_err(|e| info.wrong(&e))?;
         info.check(f64::from(value)).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let value: u32 = parse(info.name, text).map_err(|e| info.explain(e))?;
+        let value: u32 = parse(info.name, text).map_err(|e| info.unreadable(&e))?;
         info.check(f64::from(value))?;
         *self = value;
         Ok(())
@@ -277,8 +278,10 @@ impl Param for u32 {
 }
 
 impl Param for bool {
-    fn load<'de, D: Deserializer<'de>>(&mut self, _: &'static Info, from: D) -> Result<(), D::Error> {
-        *self = <bool as de::Deserialize>::deserialize(from)?;
+    fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
+        *self = <bool as de::Deserialize>::deserialize(from).map_err(|e: D::Error| {
+            de::Error::custom(format!("{}: {e}; accepted: true or false", info.name))
+        })?;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
@@ -293,15 +296,14 @@ impl Param for bool {
 
 impl Param for DVec3 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value: DVec3 =
-            vector::deserialize(from).map_err(|e: D::Error| de::Error::custom(info.explain(e)))?;
+        let value: DVec3 = vector::deserialize(from).map_err(|e| info.wrong(&e))?;
         value.to_array().iter().try_for_each(|c| info.check(*c)).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let (x, y, z): (f64, f64, f64) = parse(info.name, text).map_err(|e| info.explain(e))?;
+        let (x, y, z): (f64, f64, f64) = parse(info.name, text).map_err(|e| info.unreadable(&e))?;
         [x, y, z].iter().try_for_each(|c| info.check(*c))?;
         *self = DVec3::new(x, y, z);
         Ok(())

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 use std::collections::HashSet;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -232,11 +233,15 @@ fn scale_and_weld_are_applied() {
 /// A strip whose vertices are each 1 from the next, welded at 1.5: pairs become one, the whole strip does not.
 #[test]
 fn welding_keeps_first_ones_apart() {
-    let vertices: String = (0..100).map(|i| format!("v {i} 0 0\nv {i} 10 0\n")).collect();
-    let faces: String =
-        (1..198).step_by(2).map(|i| format!("f {i} {} {} {}\n", i + 1, i + 3, i + 2)).collect();
+    let mut text = String::new();
+    for i in 0..100 {
+        writeln!(text, "v {i} 0 0\nv {i} 10 0").unwrap();
+    }
+    for i in (1..198).step_by(2) {
+        writeln!(text, "f {i} {} {} {}", i + 1, i + 3, i + 2).unwrap();
+    }
     let options = ImportOptions { weld: 1.5 / 99_f64.hypot(10.0), ..ImportOptions::default() };
-    let import = import_bytes("strip.obj", (vertices + &faces).as_bytes(), None, &options).unwrap();
+    let import = import_bytes("strip.obj", text.as_bytes(), None, &options).unwrap();
     assert_eq!((import.mesh.positions.len(), import.report.faces.quads), (100, 49));
     assert_eq!((import.report.mended.welded, import.report.mended.degenerate_faces), (100, 50));
 }
@@ -268,7 +273,7 @@ fn shipped_cylinders_agree() {
     let [obj, gltf] = ["obj", "gltf"]
         .map(|end| import(&project().join(format!("assets/meshes/cylinder_20x5.{end}"))).unwrap().mesh);
     assert_eq!(quads_by_vertex(&gltf, &obj), quads_by_vertex(&obj, &obj));
-    for [a, b] in Topology::of(&obj).pairs[0].iter() {
+    for [a, b] in &Topology::of(&obj).pairs[0] {
         let length = obj.positions[*a as usize].distance(obj.positions[*b as usize]);
         // Coordinates have nine decimals.
         assert!((length - 1.0).abs() < 1e-8, "{length}");
@@ -309,8 +314,8 @@ fn grids_stand_where_the_contract_says() {
     let hanging = grid(3, 2, 0.5, true);
     assert_eq!(hanging.positions[5], DVec3::new(0.5, -0.5, 0.0));
     let zeros = [sheet, hanging].map(|m| m.positions).concat();
-    let is_negative_zero = |x: &f64| *x == 0.0 && x.is_sign_negative();
-    assert!(!zeros.iter().flat_map(|p| p.to_array()).any(|x| is_negative_zero(&x)));
+    let is_negative_zero = |x: f64| x == 0.0 && x.is_sign_negative();
+    assert!(!zeros.iter().flat_map(DVec3::to_array).any(is_negative_zero));
 }
 
 /// A mesh of triangles bends over every interior edge: two of them over one, a tetrahedron over all six, each pair once.

@@ -6,7 +6,7 @@ mod output;
 mod replay;
 mod run;
 
-use crate::scene::{Opened, Refusal, Target, open};
+use crate::scene::{Opened, Place, Refusal, Scene, Target, open};
 use crate::world::World;
 use clap::{Args, Parser, Subcommand};
 use std::process::ExitCode;
@@ -54,9 +54,9 @@ struct Common {
     /// Says nothing but errors.
     #[arg(long)]
     quiet: bool,
-    /// Threads to step on; the result does not depend on it [default: one a core].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    threads: Option<u32>,
+    /// Threads to step on; the result does not depend on it.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: u32,
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {
@@ -109,24 +109,28 @@ impl Common {
     /// Opens a scene with the settings of the command line.
     fn open(&self, name: &str) -> Result<Opened, Refusal> {
         let mut opened = open(name)?;
+        self.change(&mut opened.scene, &mut opened.place)?;
+        Ok(opened)
+    }
+
+    /// Makes the settings of the command line; a mesh that they name may be opened.
+    fn change(&self, scene: &mut Scene, place: &mut Place) -> Result<(), Refusal> {
         for (key, value) in &self.set {
-            opened.scene.set_key(key, value).map_err(|e| e.at("--set"))?;
-            if let Target::Mesh(mesh) = &opened.scene.target
+            scene.set_key(key, value).map_err(|e| e.at("--set"))?;
+            if let Target::Mesh(mesh) = &scene.target
                 && key.starts_with("target")
             {
-                opened.place.allow(&mesh.path);
+                place.allow(&mesh.path);
             }
         }
-        Ok(opened)
+        Ok(())
     }
 
     /// A world at the start of an opened scene.
     fn world(&self, opened: &Opened) -> Result<World, Refusal> {
         let mut world =
             World::new(opened.scene.clone(), opened.place.clone()).map_err(|e| e.at(&opened.title))?;
-        if let Some(threads) = self.threads {
-            world.set_threads(threads as usize)?;
-        }
+        world.set_threads(self.threads as usize)?;
         Ok(world)
     }
 

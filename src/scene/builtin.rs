@@ -49,7 +49,7 @@ pub static ALL: &[Builtin] = &[
     Builtin { name: "flag", about: "A flag held by its pole edge in gusts of wind.", make: flag },
     Builtin {
         name: "tearing",
-        about: "A heavy sheet tears where its springs pass three times their rest length.",
+        about: "A soft sheet in gusts of wind tears spring by spring where one passes three times its rest length.",
         make: tearing,
     },
     Builtin {
@@ -135,10 +135,13 @@ fn flag() -> Scene {
 
 fn tearing() -> Scene {
     Scene {
-        mass: Mass::PerParticle(1.5),
-        tearing: Tearing { enabled: true, max_ratio: 3.0 },
+        pins: Pins::of([Pin::Corners(6)]),
+        springs: SpringParams {
+            stretch: Kind { stiffness: 200.0, ..Kind::default() },
+            ..SpringParams::default()
+        },
         wind: Wind { enabled: true, strength: 20.0, ..Wind::default() },
-        dt: 0.01,
+        tearing: Tearing { enabled: true, max_ratio: 3.0 },
         ..Scene::default()
     }
 }

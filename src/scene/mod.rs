@@ -71,24 +71,40 @@ crate::params! {
 
 /// An input that is refused: one line that says what is wrong and what would be accepted.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal(String);
+pub struct Refusal {
+    /// Line and column, both from 1, where the input is a text.
+    position: Option<(usize, usize)>,
+    text: String,
+}
 
 impl Refusal {
-    /// A refusal; line breaks and control characters are taken out.
+    /// A refusal. Line breaks and control characters are taken out, and what would fill a screen is cut: a file may hold
+    /// a name of a million letters.
     pub fn new(text: impl AsRef<str>) -> Self {
-        Self(params::one_line(text.as_ref()))
+        /// Longest message, in characters.
+        const LONGEST: usize = 600;
+        let mut text = params::one_line(text.as_ref());
+        if let Some((end, _)) = text.char_indices().nth(LONGEST) {
+            text.truncate(end);
+            text.push('…');
+        }
+        Self { position: None, text }
     }
 
-    /// The same with its place before it.
+    /// The same with the file, key or other place before it.
     #[must_use]
     pub fn at(&self, place: impl fmt::Display) -> Self {
-        Self::new(format!("{place}: {}", self.0))
+        let colon = if self.position.is_some() { ":" } else { ": " };
+        Self::new(format!("{place}{colon}{self}"))
     }
 }
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
+        if let Some((line, column)) = self.position {
+            write!(f, "{line}:{column}: ")?;
+        }
+        f.write_str(&self.text)
     }
 }
 
@@ -106,7 +122,7 @@ impl Scene {
     /// # Errors
     /// `line:column: what is wrong and what would be accepted`.
     pub fn from_ron(text: &str) -> Result<Self, Refusal> {
-        let scene: Self = params::ron_options().from_str(text).map_err(|e| ron_refusal(&e))?;
+        let scene: Self = params::ron_options().from_str(text)?;
         scene.check()?;
         Ok(scene)
     }
@@ -161,8 +177,9 @@ pub fn to_ron<T: serde::Serialize>(value: &T) -> Result<String, Refusal> {
     Ok(text)
 }
 
-/// A RON error as a refusal with its place in the text.
-pub fn ron_refusal(error: &ron::error::SpannedError) -> Refusal {
-    let start = &error.span.end;
-    Refusal::new(format!("{}:{}: {}", start.line, start.col, error.code))
+impl From<ron::error::SpannedError> for Refusal {
+    fn from(error: ron::error::SpannedError) -> Self {
+        let at = &error.span.start;
+        Self { position: Some((at.line, at.col)), ..Self::new(error.code.to_string()) }
+    }
 }

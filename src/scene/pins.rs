@@ -26,9 +26,15 @@ pub enum Pin {
 }
 
 /// The union of some selections. Left out, a grid has [`Pin::Corners`]`(3)` and a mesh none.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-#[serde(transparent)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pins(Option<Vec<Pin>>);
+
+/// As a list; those left out are not written at all.
+impl serde::Serialize for Pins {
+    fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        self.0.as_deref().unwrap_or_default().serialize(to)
+    }
+}
 
 impl Pins {
     /// The union of these.

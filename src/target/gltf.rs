@@ -6,7 +6,7 @@
 //!
 //! Source: Khronos, glTF 2.0 specification.
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
@@ -152,10 +152,10 @@ pub(super) struct Scene<'a> {
     /// The binary part of a `.glb`, which is buffer 0 where that has no uri.
     binary: Option<&'a [u8]>,
     folder: Option<&'a Path>,
-    file_bytes: usize,
+    elements_left: Cell<usize>,
     loaded: Vec<OnceCell<Rc<[u8]>>>,
     /// Files in the folder, so that one which many buffers name is in memory once.
-    files: std::cell::RefCell<HashMap<PathBuf, Rc<[u8]>>>,
+    files: RefCell<HashMap<PathBuf, Rc<[u8]>>>,
 }
 
 /// One mesh in one place.
@@ -164,32 +164,8 @@ pub(super) struct Instance {
     pub transform: DMat4,
 }
 
-/// The triangles of one mesh, all primitives together.
-pub(super) struct Triangles {
-    pub mesh: QuadMesh,
-}
-
-/// How many vertices and corners a file may still bring: a file of a few bytes can name the same data again and again, or claim
-/// billions of zeros. About one a byte is more than honest files have; a fixed part is for many copies of a small mesh.
-pub(super) struct Budget {
-    left: usize,
-    total: usize,
-}
-
-impl Budget {
-    const FIXED: usize = 1 << 18;
-
-    /// Takes what is needed.
-    pub(super) fn spend(&mut self, elements: usize) -> Result<(), String> {
-        self.left = self.left.checked_sub(elements).ok_or_else(|| {
-            format!(
-                "{elements} more vertices and corners would exceed {}, the most that a file of this size may bring",
-                self.total
-            )
-        })?;
-        Ok(())
-    }
-}
+/// Vertices and corners that any file may bring beside one for each of its bytes: for many copies of a small mesh.
+const FREE_ELEMENTS: usize = 1 << 18;
 
 impl<'a> Scene<'a> {
     /// Reads the JSON of a file, binary or not, whatever it is called.
@@ -218,7 +194,14 @@ impl<'a> Scene<'a> {
             return Err(format!("asset.version {version} is not supported; \"2.0\" would be accepted"));
         }
         let loaded = (0..document.buffers.len()).map(|_| OnceCell::new()).collect();
-        Ok(Self { document, binary, folder, file_bytes: bytes.len(), loaded, files: HashMap::new().into() })
+        Ok(Self {
+            document,
+            binary,
+            folder,
+            elements_left: (bytes.len() + FREE_ELEMENTS).into(),
+            loaded,
+            files: HashMap::new().into(),
+        })
     }
 
     pub(super) fn mesh_count(&self) -> usize {
@@ -230,9 +213,15 @@ impl<'a> Scene<'a> {
         self.document.extensions_used.iter().any(|e| e == NGON_ENCODING)
     }
 
-    pub(super) fn budget(&self) -> Budget {
-        let total = self.file_bytes + Budget::FIXED;
-        Budget { left: total, total }
+    /// Accounts for vertices and corners before there is memory for them. A file of a few bytes can name the same data again and
+    /// again, or claim billions of zeros; honest files have less than one element a byte.
+    pub(super) fn spend(&self, elements: usize) -> Result<(), String> {
+        let left = self.elements_left.get();
+        let after = left.checked_sub(elements).ok_or_else(|| {
+            format!("{elements} more vertices and corners are refused; for a file of this size {left} more would be accepted")
+        })?;
+        self.elements_left.set(after);
+        Ok(())
     }
 
     /// The meshes that the default scene shows, depth first. Without a scene, all root nodes are shown.
@@ -282,13 +271,8 @@ impl<'a> Scene<'a> {
         Ok(instances)
     }
 
-    /// The triangles of one mesh in its own space.
-    pub(super) fn triangles(
-        &self,
-        mesh: usize,
-        budget: &mut Budget,
-        warnings: &mut Vec<String>,
-    ) -> Result<Triangles, String> {
+    /// The triangles of one mesh in its own space, all primitives together, as they stand in the file.
+    pub(super) fn triangles(&self, mesh: usize, warnings: &mut Vec<String>) -> Result<QuadMesh, String> {
         let mut positions = Vec::new();
         let mut triangles: Vec<[u32; 3]> = Vec::new();
         for (p, primitive) in self.document.meshes[mesh].primitives.iter().enumerate() {
@@ -310,10 +294,10 @@ impl<'a> Scene<'a> {
                 return Err(format!("{place} has no POSITION; vertices with positions would be accepted"));
             };
             let first = positions.len() as u32;
-            self.read_positions(position, &place, budget, &mut positions)?;
+            self.read_positions(position, &place, &mut positions)?;
             let count = positions.len() as u32 - first;
             let corners = match primitive.indices {
-                Some(indices) => self.read_indices(indices, &place, count, budget)?,
+                Some(indices) => self.read_indices(indices, &place, count)?,
                 None => (0..count).collect(),
             };
             let corner = |i: usize| corners[i] + first;
@@ -348,23 +332,16 @@ impl<'a> Scene<'a> {
         for triangle in &triangles {
             mesh.push_face(triangle);
         }
-        Ok(Triangles { mesh })
+        Ok(mesh)
     }
 
-    fn read_positions(
-        &self,
-        accessor: u32,
-        place: &str,
-        budget: &mut Budget,
-        positions: &mut Vec<DVec3>,
-    ) -> Result<(), String> {
+    fn read_positions(&self, accessor: u32, place: &str, positions: &mut Vec<DVec3>) -> Result<(), String> {
         let data = element(&self.document.accessors, accessor, "accessor", place)?;
         let place = format!("{place} POSITION (accessor {accessor})");
-        let component = match (data.shape, data.component_type) {
-            (Checked::Valid(Type::Vec3), Checked::Valid(GenericComponentType(component))) => component,
-            _ => {
-                return Err(format!("{place} is no VEC3 of a known component type, which would be accepted"));
-            }
+        let (Checked::Valid(Type::Vec3), Checked::Valid(GenericComponentType(component))) =
+            (data.shape, data.component_type)
+        else {
+            return Err(format!("{place} is no VEC3 of a known component type, which would be accepted"));
         };
         let is_quantized = matches!(
             component,
@@ -389,7 +366,7 @@ impl<'a> Scene<'a> {
         };
         let size = component.size();
         let vector = |bytes: &[u8]| DVec3::from([0, 1, 2].map(|axis| number(&bytes[axis * size..])));
-        let read = self.read_accessor(data, 3 * size, &place, budget, vector)?;
+        let read = self.read_accessor(data, 3 * size, &place, vector)?;
         if let Some(bad) = read.iter().position(|p| !p.is_finite()) {
             return Err(format!("{place}: vertex {bad} is {}; finite numbers would be accepted", read[bad]));
         }
@@ -398,25 +375,16 @@ impl<'a> Scene<'a> {
     }
 
     /// Corners of the primitive's triangles, each below `vertices`.
-    fn read_indices(
-        &self,
-        accessor: u32,
-        place: &str,
-        vertices: u32,
-        budget: &mut Budget,
-    ) -> Result<Vec<u32>, String> {
+    fn read_indices(&self, accessor: u32, place: &str, vertices: u32) -> Result<Vec<u32>, String> {
         let data = element(&self.document.accessors, accessor, "accessor", place)?;
         let place = format!("{place} indices (accessor {accessor})");
-        let component = match (data.shape, data.component_type) {
-            (Checked::Valid(Type::Scalar), Checked::Valid(GenericComponentType(component))) => component,
-            _ => {
-                return Err(format!(
-                    "{place} is no SCALAR of a known component type, which would be accepted"
-                ));
-            }
+        let (Checked::Valid(Type::Scalar), Checked::Valid(GenericComponentType(component))) =
+            (data.shape, data.component_type)
+        else {
+            return Err(format!("{place} is no SCALAR of a known component type, which would be accepted"));
         };
         let (size, number) = index_reader(component, &place)?;
-        let read = self.read_accessor(data, size, &place, budget, number)?;
+        let read = self.read_accessor(data, size, &place, number)?;
         if let Some(bad) = read.iter().position(|i| *i >= vertices) {
             return Err(format!(
                 "{place}: index {} at {bad} names no vertex; the primitive has {vertices}, so 0 to {} would be accepted",
@@ -433,7 +401,6 @@ impl<'a> Scene<'a> {
         accessor: &Accessor,
         size: usize,
         place: &str,
-        budget: &mut Budget,
         decode: impl Fn(&[u8]) -> T,
     ) -> Result<Vec<T>, String> {
         if accessor.count == 0 {
@@ -442,13 +409,13 @@ impl<'a> Scene<'a> {
         let count = usize::try_from(accessor.count).unwrap_or(usize::MAX);
         let mut elements = match accessor.buffer_view {
             None => {
-                budget.spend(count).map_err(|e| format!("{place} without a bufferView: {e}"))?;
+                self.spend(count).map_err(|e| format!("{place} without a bufferView: {e}"))?;
                 vec![T::default(); count]
             }
             Some(view) => {
                 let items = self.items(view, accessor.byte_offset, count, size, place)?;
-                budget.spend(count).map_err(|e| format!("{place}: {e}"))?;
-                items.map(|bytes| decode(bytes)).collect()
+                self.spend(count).map_err(|e| format!("{place}: {e}"))?;
+                items.map(&decode).collect()
             }
         };
         let Some(sparse) = &accessor.sparse else { return Ok(elements) };
@@ -469,7 +436,7 @@ impl<'a> Scene<'a> {
             self.items(sparse.indices.buffer_view, sparse.indices.byte_offset, replaced, index_size, &place)?;
         let values =
             self.items(sparse.values.buffer_view, sparse.values.byte_offset, replaced, size, &place)?;
-        for (at, value) in indices.map(|bytes| index(bytes)).zip(values) {
+        for (at, value) in indices.map(index).zip(values) {
             *elements.get_mut(at as usize).ok_or_else(|| {
                 format!("{place} index {at} is out of range; 0 to {} would be accepted", count - 1)
             })? = decode(value);
@@ -559,6 +526,7 @@ impl<'a> Scene<'a> {
             return Ok(bytes.clone());
         }
         let bytes: Rc<[u8]> = std::fs::read(&path).map_err(|e| format!("uri {}: {e}", shown(uri)))?.into();
+        self.elements_left.set(self.elements_left.get() + bytes.len());
         self.files.borrow_mut().insert(path, bytes.clone());
         Ok(bytes)
     }
@@ -636,8 +604,10 @@ fn element<'e, T>(all: &'e [T], index: u32, kind: &str, place: &str) -> Result<&
     })
 }
 
+type IndexReader = fn(&[u8]) -> u32;
+
 /// Size in bytes of an index of this type, and how it is read.
-fn index_reader(component: ComponentType, place: &str) -> Result<(usize, fn(&[u8]) -> u32), String> {
+fn index_reader(component: ComponentType, place: &str) -> Result<(usize, IndexReader), String> {
     match component {
         ComponentType::U8 => Ok((1, |bytes| bytes[0].into())),
         ComponentType::U16 => Ok((2, |bytes| u16::from_le_bytes(array(bytes)).into())),

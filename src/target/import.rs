@@ -147,17 +147,14 @@ fn from_gltf(bytes: &[u8], folder: Option<&Path>, weld: f64) -> Result<Import, S
     let scene = gltf::Scene::read(bytes, folder)?;
     let mut import = Import { mesh: QuadMesh::default(), report: ImportReport::default() };
     let mut whole_meshes: Vec<Option<(QuadMesh, QuadRecovery, Mended)>> = vec![None; scene.mesh_count()];
-    let mut budget = scene.budget();
     for instance in scene.instances()? {
         let cached = &mut whole_meshes[instance.mesh];
         if cached.is_none() {
-            let triangles = scene.triangles(instance.mesh, &mut budget, &mut import.report.warnings)?;
-            let Whole { mesh, source_faces, mended, coarse_weld } = mend(&triangles.mesh, weld)?;
+            let triangles = scene.triangles(instance.mesh, &mut import.report.warnings)?;
+            let Whole { mesh, source_faces, mended, coarse_weld } = mend(&triangles, weld)?;
             warn_of_coarse_weld(&mut import.report.warnings, coarse_weld);
-            let raw: Vec<[u32; 3]> = source_faces
-                .iter()
-                .filter_map(|f| triangles.mesh.face(*f as usize).try_into().ok())
-                .collect();
+            let raw: Vec<[u32; 3]> =
+                source_faces.iter().filter_map(|f| triangles.face(*f as usize).try_into().ok()).collect();
             drop(triangles);
             let Recovered { mesh, recovery, is_suspicious } = recover(&mesh, &raw, scene.ngon_encoding());
             if is_suspicious {
@@ -169,7 +166,7 @@ fn from_gltf(bytes: &[u8], folder: Option<&Path>, weld: f64) -> Result<Import, S
             *cached = Some((mesh, recovery, mended));
         }
         let Some((mesh, recovery, mended)) = cached else { continue };
-        budget.spend(mesh.positions.len() + mesh.corners().len())?;
+        scene.spend(mesh.positions.len() + mesh.corners().len())?;
         let first = import.mesh.positions.len();
         import.mesh.append(mesh);
         for position in &mut import.mesh.positions[first..] {

@@ -25,6 +25,10 @@ pub struct Mended {
     pub non_manifold_edges: usize,
 }
 
+/// A smaller fraction of the bounding box's diagonal is no tolerance: cells of its size could not be counted in 64 bits, and it is
+/// far below the resolution of coordinates.
+const FINEST_WELD: f64 = 1e-18;
+
 /// A mesh after mending, with the raw face that each of its faces comes from.
 pub(super) struct Whole {
     pub mesh: QuadMesh,
@@ -37,7 +41,8 @@ pub(super) struct Whole {
 /// Welds and cleans raw faces; `weld_fraction` is the tolerance as a fraction of the bounding box's diagonal. The particles of the
 /// result are numbered in the order in which its faces first use them. `non_manifold_edges` is not counted here.
 pub(super) fn mend(raw: &QuadMesh, weld_fraction: f64) -> Result<Whole, String> {
-    let tolerance = weld_fraction * diagonal(&raw.positions)?;
+    let diagonal = diagonal(&raw.positions)?;
+    let tolerance = if weld_fraction < FINEST_WELD { 0.0 } else { weld_fraction * diagonal };
     let first = weld(&raw.positions, tolerance);
     let mut mended = Mended::default();
     let mut welded = QuadMesh::new(Vec::new());

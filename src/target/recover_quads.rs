@@ -103,18 +103,22 @@ fn pair(
         return (mate, RecoveryMethod::NgonEncoding);
     }
     let neighbours = Neighbours::of(positions, triangles);
+    let regular = |mate: &[u32]| neighbours.regular_vertices(positions.len(), triangles, mate) as f64;
+    let mut by_order = by_order(positions, triangles, raw);
+    let paired = by_order.iter().filter(|m| **m != NONE).count();
+    let is_covered = paired as f64 >= ORDER_SHARE * triangles.len() as f64;
+    if is_covered {
+        neighbours.pair_best_first(positions, triangles, &mut by_order);
+        // No rival can make more vertices regular than there are inside.
+        if regular(&by_order) >= ORDER_REGULAR * neighbours.interior_vertices(positions.len()) as f64 {
+            return (by_order, RecoveryMethod::Order);
+        }
+    }
     let mut by_geometry = vec![NONE; triangles.len()];
     neighbours.pair_best_first(positions, triangles, &mut by_geometry);
     neighbours.pair_along_paths(&mut by_geometry);
-
-    let mut by_order = by_order(positions, triangles, raw);
-    let paired = by_order.iter().filter(|m| **m != NONE).count();
-    if paired as f64 >= ORDER_SHARE * triangles.len() as f64 {
-        neighbours.pair_best_first(positions, triangles, &mut by_order);
-        let regular = |mate: &[u32]| neighbours.regular_vertices(positions.len(), triangles, mate) as f64;
-        if regular(&by_order) >= ORDER_REGULAR * regular(&by_geometry) {
-            return (by_order, RecoveryMethod::Order);
-        }
+    if is_covered && regular(&by_order) >= ORDER_REGULAR * regular(&by_geometry) {
+        return (by_order, RecoveryMethod::Order);
     }
     if mean_off(positions, triangles, &by_geometry) > SUSPICIOUS {
         by_geometry.fill(NONE);
@@ -320,9 +324,13 @@ impl Neighbours {
 
     /// Pairs what is free, the best quads first; a quad that continues one that is there already comes before one that starts anew.
     fn pair_best_first(&self, positions: &[DVec3], triangles: &[[u32; 3]], mate: &mut [u32]) {
+        let free: Vec<u32> = (0..mate.len() as u32).filter(|t| mate[*t as usize] == NONE).collect();
+        if free.is_empty() {
+            return;
+        }
         let mut queue = BinaryHeap::new();
-        for one in 0..mate.len() as u32 {
-            for (two, misfit) in self.around(one).filter(|n| one < n.0) {
+        for one in free {
+            for (two, misfit) in self.around(one).filter(|n| one < n.0 && mate[n.0 as usize] == NONE) {
                 queue.push(Candidate { cost: misfit + NEW_START, one, two });
             }
         }
@@ -425,6 +433,16 @@ impl Neighbours {
         }
     }
 
+    /// Vertices that are not on the border.
+    fn interior_vertices(&self, vertices: usize) -> usize {
+        let mut is_inside = vec![true; vertices];
+        for edge in &self.border {
+            is_inside[(edge >> 32) as usize] = false;
+            is_inside[*edge as u32 as usize] = false;
+        }
+        is_inside.iter().filter(|inside| **inside).count()
+    }
+
     /// Interior vertices with exactly four quads around them.
     fn regular_vertices(&self, vertices: usize, triangles: &[[u32; 3]], mate: &[u32]) -> usize {
         // Quads around each vertex; a triangle or the border spoils it.
@@ -433,7 +451,9 @@ impl Neighbours {
         for (t, triangle) in triangles.iter().enumerate() {
             let other = mate[t];
             if other == NONE {
-                triangle.iter().for_each(|corner| quads[*corner as usize] = SPOILT);
+                for corner in triangle {
+                    quads[*corner as usize] = SPOILT;
+                }
             } else if other as usize > t
                 && let Some(quad) = quad(*triangle, triangles[other as usize])
             {

@@ -9,7 +9,7 @@ mod measure;
 mod recording;
 
 pub use clock::{Clock, Tick};
-pub use command::{Command, REACH};
+pub use command::{Command, REACH, STIFFEST_PULL};
 pub use health::Health;
 pub use measure::{Energy, Measures};
 pub use recording::{Entry, Recording};
@@ -21,8 +21,9 @@ use crate::scene::{Built, Place, Precision, Refusal, Scene};
 use crate::target::{ImportReport, QuadMesh};
 use cloth::{Cloth, Shape};
 use glam::DVec3;
-use hand::Hand;
+use hand::{Grip, Hand};
 use health::{Jitter, Ledger};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// A cloth in the precision of its scene.
@@ -55,6 +56,7 @@ pub struct World {
     shape: Arc<Shape>,
     report: Arc<ImportReport>,
     pinned: Vec<bool>,
+    /// By particle, so that the hand of one is found at once.
     hands: Vec<Hand>,
     cloth: AnyCloth,
     /// Steps taken since the world was made.
@@ -68,6 +70,7 @@ pub struct World {
     log: Vec<Entry>,
     /// A state at most [`CHECKPOINT`] steps old from which the last good state is stepped again; none after a command.
     checkpoint: Option<Box<Snapshot>>,
+    /// Several threads to step on; none where one does.
     threads: Option<Arc<rayon::ThreadPool>>,
 }
 
@@ -129,18 +132,23 @@ impl World {
             checkpoint: None,
             threads: None,
         };
-        world.fix_particles();
+        world.prepare();
         world.open_ledger();
         Ok(world)
     }
 
-    /// Steps on this many threads from now on. The result does not depend on it.
+    /// Steps on this many threads from now on, one at first. The result does not depend on it.
     ///
     /// # Errors
     /// The system gives no more threads.
     pub fn set_threads(&mut self, threads: usize) -> Result<(), Refusal> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        self.threads = Some(Arc::new(pool.map_err(|e| Refusal::new(format!("--threads {threads}: {e}")))?));
+        self.threads = if threads > 1 {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            Some(Arc::new(pool.map_err(|e| Refusal::new(format!("{threads} threads: {e}")))?))
+        } else {
+            None
+        };
+        self.prepare();
         Ok(())
     }
 
@@ -158,19 +166,14 @@ impl World {
 
     fn act(&mut self, command: &Command) -> Result<(), Refusal> {
         match command {
-            Command::Grab { particles } => {
-                self.check_particles(particles)?;
-                let time = self.time();
-                for &p in particles {
-                    if !self.is_held(p) {
-                        let at = on!(&mut self.cloth, c => {
-                            c.set_velocity(p, DVec3::ZERO);
-                            c.position(p)
-                        });
-                        self.hands.push(Hand::new(p, at, time));
-                    }
+            Command::Grab { particles } => self.take(particles, Grip::Hold)?,
+            Command::Pull { particles, stiffness } => {
+                if !(0.0..=STIFFEST_PULL).contains(stiffness) {
+                    return Err(Refusal::new(format!(
+                        "pull with {stiffness} N/m; accepted: 0 to {STIFFEST_PULL:e} N/m"
+                    )));
                 }
-                self.fix_particles();
+                self.take(particles, Grip::Pull(*stiffness))?;
             }
             Command::Drag { particle, to, steps } => {
                 if !to.to_array().iter().all(|c| c.abs() <= REACH) {
@@ -179,8 +182,8 @@ impl World {
                         to.x, to.y, to.z
                     )));
                 }
-                let hand = self.hands.iter_mut().find(|h| h.particle == *particle);
-                let hand = hand.ok_or_else(|| {
+                let found = self.hand_of(*particle).map(|i| &mut self.hands[i]);
+                let hand = found.ok_or_else(|| {
                     Refusal::new(format!(
                         "drag of particle {particle}, which no hand holds; accepted: one grabbed before"
                     ))
@@ -191,16 +194,17 @@ impl World {
             Command::Release { particles } => {
                 self.check_particles(particles)?;
                 let time = self.time();
-                let (gone, kept) = std::mem::take(&mut self.hands)
-                    .into_iter()
-                    .partition(|h| particles.contains(&h.particle));
+                let released: HashSet<u32> = particles.iter().copied().collect();
+                let hands = std::mem::take(&mut self.hands);
+                let (gone, kept): (Vec<_>, _) =
+                    hands.into_iter().partition(|h| released.contains(&h.particle));
                 self.hands = kept;
-                for hand in gone {
+                for hand in gone.iter().filter(|h| h.holds()) {
                     let pinned = self.pinned[hand.particle as usize];
                     let velocity = if pinned { DVec3::ZERO } else { hand.velocity(time) };
                     on!(&mut self.cloth, c => c.set_velocity(hand.particle, velocity));
                 }
-                self.fix_particles();
+                self.prepare();
                 self.open_ledger();
             }
             Command::Pin { particles } => self.set_pinned(particles, true)?,
@@ -215,10 +219,31 @@ impl World {
                 self.cloth = build_cloth(&self.scene, &self.shape, None)?;
                 self.anchor = (self.step, 0.0);
                 self.pinned = self.scene.pins.select(&self.scene.target, &self.shape.mesh)?;
-                self.fix_particles();
+                self.prepare();
                 self.open_ledger();
             }
         }
+        Ok(())
+    }
+
+    /// Lays hands on particles that no hand is on yet.
+    fn take(&mut self, particles: &[u32], grip: Grip) -> Result<(), Refusal> {
+        self.check_particles(particles)?;
+        let (time, taken) = (self.time(), self.hands.len());
+        for &p in particles {
+            if self.hands[..taken].binary_search_by_key(&p, |h| h.particle).is_err() {
+                let at = on!(&mut self.cloth, c => {
+                    if grip == Grip::Hold {
+                        c.set_velocity(p, DVec3::ZERO);
+                    }
+                    c.position(p)
+                });
+                self.hands.push(Hand::new(p, grip, at, time));
+            }
+        }
+        self.hands.sort_by_key(|h| h.particle);
+        self.hands.dedup_by_key(|h| h.particle);
+        self.prepare();
         Ok(())
     }
 
@@ -242,7 +267,7 @@ impl World {
             }
         }
         self.scene.pins.edit(&self.scene.target, &self.pinned, particles, pinned);
-        self.fix_particles();
+        self.prepare();
         self.open_ledger();
         Ok(())
     }
@@ -308,24 +333,31 @@ impl World {
         self.shape = shape;
         self.report = report;
         self.pinned = pinned;
-        self.fix_particles();
+        self.prepare();
         self.open_ledger();
         Ok(())
     }
 
-    fn is_held(&self, particle: u32) -> bool {
-        self.hands.iter().any(|h| h.particle == particle)
+    fn hand_of(&self, particle: u32) -> Option<usize> {
+        self.hands.binary_search_by_key(&particle, |h| h.particle).ok()
     }
 
-    /// Makes exactly the pinned and the held particles immovable.
-    fn fix_particles(&mut self) {
+    fn is_held(&self, particle: u32) -> bool {
+        self.hand_of(particle).is_some_and(|i| self.hands[i].holds())
+    }
+
+    /// Makes exactly the pinned and the held particles immovable, and says how many threads there are.
+    fn prepare(&mut self) {
+        let threads = self.threads.as_ref().map_or(1, |pool| pool.current_num_threads());
         on!(&mut self.cloth, c => {
+            c.problem.threads = threads;
             for (i, pinned) in self.pinned.iter().enumerate() {
                 c.problem.set_fixed(i, *pinned);
             }
-            for hand in &self.hands {
+            for hand in self.hands.iter().filter(|h| h.holds()) {
                 c.problem.set_fixed(hand.particle as usize, true);
             }
+            c.set_pulls(&self.hands);
         });
     }
 
@@ -379,11 +411,12 @@ impl World {
         }
         let Self { hands, cloth, ledger, cost, threads, scene, .. } = self;
         on!(cloth, c => {
-            ledger.hands(c, hands.iter().map(|h| (h.particle, h.next())));
-            for hand in hands.iter() {
+            ledger.hands(c, hands);
+            for hand in hands.iter().filter(|h| h.holds()) {
                 // From where the hand is, not the particle: rounded to single precision that would be a phantom velocity.
                 c.set_velocity(hand.particle, (hand.next() - hand.at()) / dt);
             }
+            c.set_pulls(hands);
             match threads {
                 Some(pool) => pool.install(|| c.step(dt, cost)),
                 None => c.step(dt, cost),
@@ -391,8 +424,10 @@ impl World {
             c.state.time = time;
             for hand in hands.iter_mut() {
                 hand.advance(time);
-                // The method moved it by dt v; here it arrives to the last bit.
-                c.set_position(hand.particle, hand.at());
+                if hand.holds() {
+                    // The method moved it by dt v; here it arrives to the last bit.
+                    c.set_position(hand.particle, hand.at());
+                }
             }
             if scene.tearing.enabled {
                 c.tear(scene.tearing.max_ratio);
@@ -452,7 +487,7 @@ impl World {
         self.cost = snapshot.cost;
         self.ledger = snapshot.ledger;
         self.jitter = Jitter::default();
-        self.fix_particles();
+        self.prepare();
     }
 
     fn state(&self) -> AnyState {
@@ -522,7 +557,7 @@ impl World {
         &self.pinned
     }
 
-    /// The particles that hands hold.
+    /// The particles that hands hold or pull.
     pub fn held(&self) -> impl Iterator<Item = u32> + '_ {
         self.hands.iter().map(|h| h.particle)
     }
@@ -610,7 +645,7 @@ impl World {
     /// is: FNV-1a (Fowler, Noll, Vo) over time, positions and velocities.
     pub fn digest(&self) -> u64 {
         let vectors = self.positions().into_iter().chain(self.velocities());
-        let words = vectors.flat_map(|v| v.to_array()).chain([self.time()]).map(f64::to_bits);
+        let words = vectors.flat_map(|v| [v.x, v.y, v.z]).chain([self.time()]).map(f64::to_bits);
         let torn = self.broken().iter().map(|id| u64::from(*id));
         words.chain(torn).flat_map(u64::to_le_bytes).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)

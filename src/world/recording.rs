@@ -2,7 +2,7 @@
 
 use super::{Command, World};
 use crate::params;
-use crate::scene::{Place, Refusal, Scene, ron_refusal, to_ron};
+use crate::scene::{Place, Refusal, Scene, to_ron};
 use serde::{Deserialize, Serialize};
 
 /// A command with the number of steps taken before it.
@@ -43,7 +43,7 @@ impl Recording {
     /// # Errors
     /// `line:column: what is wrong`; commands that are not in the order of their steps.
     pub fn from_ron(text: &str) -> Result<Self, Refusal> {
-        let recording: Self = params::ron_options().from_str(text).map_err(|e| ron_refusal(&e))?;
+        let recording: Self = params::ron_options().from_str(text)?;
         let mut before = 0;
         for (i, entry) in recording.commands.iter().enumerate() {
             if entry.step < before || entry.step > recording.steps {

@@ -1,0 +1,319 @@
+//! The commands as a user meets them: output, files, exit codes.
+
+use serde_json::Value;
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+
+fn tenter(folder: &Path, args: &[&str]) -> Output {
+    with_input(folder, args, "")
+}
+
+fn with_input(folder: &Path, args: &[&str], input: &str) -> Output {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_tenter"))
+        .args(args)
+        .current_dir(folder)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("tenter starts");
+    // A command that does not read its input closes the pipe: that is its right.
+    let _ = child.stdin.take().expect("a pipe").write_all(input.as_bytes());
+    child.wait_with_output().expect("tenter ends")
+}
+
+fn json(output: &Output) -> Value {
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).expect("JSON on standard output")
+}
+
+/// The one line that a refusal leaves on standard error.
+fn refused(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+    assert!(output.stdout.is_empty());
+    text
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().expect("a folder")
+}
+
+#[test]
+fn run_gives_the_result_that_the_contract_names() {
+    let dir = folder();
+    let result = json(&tenter(dir.path(), &["run", "sheet", "--steps", "100", "--json", "--positions"]));
+    assert_eq!(result["simulator"], "symplectic_euler");
+    assert_eq!(result["precision"], "Double");
+    assert_eq!(result["dt"], 0.02);
+    assert_eq!(result["steps"], 100);
+    assert_eq!(result["time"], 2.0);
+    assert_eq!(result["particles"], 625);
+    assert_eq!(result["pinned"], 6);
+    assert_eq!(result["springs"], serde_json::json!({"stretch": 1200, "shear": 1152, "bend": 1150}));
+    assert_eq!(result["broken"], 0);
+    assert_eq!(result["health"], serde_json::json!({"state": "ok"}));
+    assert_eq!(result["cost"], serde_json::json!({"force_evaluations": 100, "spring_visits": 350_200}));
+    for key in ["kinetic", "gravitational", "elastic"] {
+        assert!(result["energy"][key].is_f64(), "{key}");
+    }
+    for key in ["momentum", "angular_momentum"] {
+        assert_eq!(result[key].as_array().map(Vec::len), Some(3), "{key}");
+    }
+    for key in ["max_strain", "mean_strain", "wall_seconds"] {
+        assert!(result[key].is_f64(), "{key}");
+    }
+    assert!(result["threads"].is_u64());
+    assert_eq!(result["positions"].as_array().map(Vec::len), Some(625));
+    assert_eq!(result["velocities"].as_array().map(Vec::len), Some(625));
+    assert_eq!(result["scene"]["springs"]["shear"]["stiffness"], 300.0);
+}
+
+#[test]
+fn seconds_and_steps_mean_the_same() {
+    let dir = folder();
+    let by = |option: &str, amount: &str| {
+        let mut result =
+            json(&tenter(dir.path(), &["run", "sheet", option, amount, "--json", "--positions"]));
+        result.as_object_mut().expect("an object").remove("wall_seconds");
+        result
+    };
+    assert_eq!(by("--seconds", "0.5"), by("--steps", "25"));
+}
+
+#[test]
+fn divergence_ends_with_3_and_a_whole_result() {
+    let dir = folder();
+    let output =
+        tenter(dir.path(), &["run", "explicit_bursts", "--seconds", "5", "--out", "r.json", "--positions"]);
+    assert_eq!(output.status.code(), Some(3));
+    let text = std::fs::read_to_string(dir.path().join("r.json")).expect("the result is written");
+    let result: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(result["health"]["state"], "diverged");
+    let step = result["health"]["step"].as_u64().expect("a step");
+    assert_eq!(result["steps"], step - 1, "the state is the last good one");
+    assert!((result["health"]["time"].as_f64().expect("a time") - 0.02 * step as f64).abs() < 1e-12);
+    assert!(result["health"]["particle"].as_u64().expect("a particle") < 625);
+    let finite = |key: &str| {
+        let all = result[key].as_array().expect("vectors");
+        assert_eq!(all.len(), 625);
+        all.iter().flat_map(|v| v.as_array().expect("three")).all(Value::is_number)
+    };
+    assert!(finite("positions") && finite("velocities"));
+}
+
+#[test]
+fn scenes_come_from_files_names_meshes_and_standard_input() {
+    let dir = folder();
+    std::fs::write(dir.path().join("s.ron"), "(dt: 0.01)").expect("written");
+    assert_eq!(json(&tenter(dir.path(), &["run", "s.ron", "--steps", "1", "--json"]))["dt"], 0.01);
+    let piped = with_input(dir.path(), &["run", "-", "--steps", "1", "--json"], "(precision: Single)");
+    assert_eq!(json(&piped)["precision"], "Single");
+    let asset = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/meshes/cylinder_20x5.obj");
+    let mesh = json(&tenter(dir.path(), &["run", &asset.display().to_string(), "--steps", "1", "--json"]));
+    assert_eq!((&mesh["particles"], &mesh["pinned"]), (&120.into(), &0.into()));
+}
+
+#[test]
+fn set_reaches_every_part_of_the_scene() {
+    let dir = folder();
+    let result = json(&tenter(
+        dir.path(),
+        &[
+            "run",
+            "sheet",
+            "--steps",
+            "1",
+            "--json",
+            "--set",
+            "dt=0.005",
+            "--set",
+            "simulator.id=verlet",
+            "--set",
+            "simulator.params.sweeps=7",
+            "--set",
+            "springs.stretch.stiffness=50",
+            "--set",
+            "target.columns=4",
+            "--set",
+            "target.plane=Vertical",
+            "--set",
+            "wind.direction=(1, 0, 0)",
+            "--set",
+            "pins=[Particle(0)]",
+            "--set",
+            "mass=PerArea(0.5)",
+        ],
+    ));
+    let scene = &result["scene"];
+    assert_eq!(scene["dt"], 0.005);
+    assert_eq!(scene["simulator"], serde_json::json!({"id": "verlet", "params": {"sweeps": 7}}));
+    assert_eq!(scene["springs"]["stretch"]["stiffness"], 50.0);
+    assert_eq!(scene["target"]["Grid"]["columns"], 4);
+    assert_eq!(scene["target"]["Grid"]["plane"], "Vertical");
+    assert_eq!(scene["wind"]["direction"], serde_json::json!([1.0, 0.0, 0.0]));
+    assert_eq!((&result["particles"], &result["pinned"]), (&100.into(), &1.into()));
+    assert_eq!(scene["mass"]["PerArea"], 0.5);
+}
+
+#[test]
+fn refusals_are_one_line_with_place_value_and_what_would_do() {
+    let dir = folder();
+    let line = |text: &str| {
+        std::fs::write(dir.path().join("bad.ron"), text).expect("written");
+        refused(&tenter(dir.path(), &["run", "bad.ron", "--steps", "1", "--out", "r.json"]))
+    };
+    for (text, parts) in [
+        ("(\n    dt: -1,\n)", &["bad.ron:2:", "dt is -1", "0 to 100 s"][..]),
+        ("(dt: inf)", &["bad.ron:1:", "dt is inf"]),
+        ("(gravity: (strength: 3))", &["bad.ron:1:", "'strength'", "enabled, magnitude"]),
+        ("(springs: (shear: (stiffness: \"soft\")))", &["bad.ron:1:"]),
+        ("(simulator: (id: \"euler\"))", &["bad.ron:1:", "'euler'", "symplectic_euler"]),
+        ("(simulator: (id: \"verlet\", params: {\"sweeps\": -1}))", &["bad.ron:1:", "sweeps"]),
+        ("(tearing: (max_ratio: 1.0))", &["bad.ron:1:", "max_ratio is 1"]),
+        ("(wind: (direction: (0, 0, 0)))", &["bad.ron", "wind.direction"]),
+        ("(pins: [Particle(625)])", &["bad.ron", "Particle(625)", "0 to 624"]),
+        ("(pins: [Row(25)])", &["bad.ron", "Row(25)", "0 to 24"]),
+        ("(target: Grid(columns: 0))", &["bad.ron:1:", "columns is 0"]),
+        ("(target: Grid(columns: 1000000, rows: 1000000))", &["bad.ron", "1000000000000 particles", "GB"]),
+        ("(target: Mesh(scale: 2))", &["bad.ron", "path"]),
+        ("(target: Mesh(path: \"/etc/passwd.obj\"))", &["bad.ron"]),
+        ("(dt: 0.1, dt: 0.2)", &["bad.ron:1:", "dt", "twice"]),
+        ("(dt: 0.1", &["bad.ron:1:"]),
+    ] {
+        let line = line(text);
+        for part in parts {
+            assert!(line.contains(part), "'{part}' is not in: {line}");
+        }
+        assert!(!dir.path().join("r.json").exists(), "{text}");
+    }
+}
+
+#[test]
+fn meshes_outside_the_scenes_folder_stay_closed() {
+    let dir = folder();
+    let inside = dir.path().join("scenes");
+    std::fs::create_dir(&inside).expect("made");
+    let mesh = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+    std::fs::write(dir.path().join("quad.obj"), mesh).expect("written");
+    std::fs::write(inside.join("quad.obj"), mesh).expect("written");
+    std::fs::write(inside.join("out.ron"), "(target: Mesh(path: \"../quad.obj\"))").expect("written");
+    std::fs::write(inside.join("in.ron"), "(target: Mesh(path: \"quad.obj\"))").expect("written");
+    let run = |args: &[&str]| tenter(dir.path(), args);
+    assert!(refused(&run(&["info", "scenes/out.ron"])).contains("outside"));
+    assert_eq!(json(&run(&["info", "scenes/in.ron", "--json"]))["particles"], 4);
+    // What the user names on the command line may be opened.
+    let named = run(&["info", "scenes/in.ron", "--set", "target.path=quad.obj", "--json"]);
+    assert_eq!(json(&named)["particles"], 4);
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(dir.path().join("quad.obj"), inside.join("link.obj")).expect("linked");
+        std::fs::write(inside.join("link.ron"), "(target: Mesh(path: \"link.obj\"))").expect("written");
+        assert!(refused(&run(&["info", "scenes/link.ron"])).contains("outside"));
+    }
+}
+
+#[test]
+fn wrong_usage_ends_with_2() {
+    let dir = folder();
+    for args in [
+        &["run", "sheet"][..],
+        &["run", "sheet", "--steps", "1", "--seconds", "1"],
+        &["run", "sheet", "--seconds", "-1"],
+        &["run", "sheet", "--seconds", "nan"],
+        &["run", "sheet", "--steps", "1", "--set", "dt"],
+        &["run", "sheet", "--steps", "1", "--threads", "0"],
+        &["run", "--steps", "1"],
+        &["info"],
+    ] {
+        let output = tenter(dir.path(), args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(output.stdout.is_empty(), "{args:?}");
+    }
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_refused_before_any_work() {
+    let dir = folder();
+    for out in ["missing/r.json", "."] {
+        refused(&tenter(dir.path(), &["run", "sheet", "--steps", "1000000000", "--out", out]));
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).expect("a folder").count(), 0);
+}
+
+#[test]
+fn info_tells_what_a_mesh_and_a_scene_hold() {
+    let dir = folder();
+    let info = json(&tenter(dir.path(), &["info", "cylinder_gltf", "--json"]));
+    assert_eq!(info["particles"], 120);
+    assert_eq!(info["pinned"], 2);
+    assert_eq!(info["faces"], serde_json::json!({"triangles": 0, "quads": 100, "ngons": 0}));
+    assert_eq!(info["springs"], serde_json::json!({"stretch": 220, "shear": 200, "bend": 200}));
+    assert_eq!(info["total_mass"], 120.0);
+    assert_eq!(info["components"], 1);
+    assert_eq!(
+        info["quad_recovery"],
+        serde_json::json!({"method": "order", "quads": 100, "triangles_left": 0})
+    );
+    assert!(info["stability"]["omega_max"].as_f64().expect("a number") > 0.0);
+    let asset = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/meshes/cape_mixed.obj");
+    let mesh = json(&tenter(dir.path(), &["info", &asset.display().to_string(), "--json"]));
+    assert_eq!(mesh["faces"], serde_json::json!({"triangles": 24, "quads": 334, "ngons": 1}));
+    assert!(mesh.get("stability").is_none());
+}
+
+#[test]
+fn lists_name_scenes_and_methods() {
+    let dir = folder();
+    let scenes = json(&tenter(dir.path(), &["scenes", "--json"]));
+    assert!(scenes.as_array().expect("a list").iter().any(|s| s["name"] == "sheet"));
+    let methods = json(&tenter(dir.path(), &["simulators", "--json"]));
+    let verlet = methods.as_array().expect("a list").iter().find(|m| m["id"] == "verlet").expect("verlet");
+    assert_eq!(verlet["params"][0]["name"], "sweeps");
+    assert_eq!(verlet["params"][0]["range"], serde_json::json!([0.0, 100_000.0]));
+}
+
+#[test]
+fn a_recording_replays_to_the_same_bits_and_a_forged_one_does_not_pass() {
+    let dir = folder();
+    let run = ["run", "flag", "--steps", "200", "--record", "log.ron", "--json", "--positions"];
+    let first = json(&tenter(dir.path(), &run));
+    let again = json(&tenter(dir.path(), &["replay", "log.ron", "--json", "--positions", "--threads", "2"]));
+    assert_eq!(first["positions"], again["positions"]);
+    assert_eq!(first["velocities"], again["velocities"]);
+    let log = std::fs::read_to_string(dir.path().join("log.ron")).expect("recorded");
+    let start = log.find("digest: \"").expect("a digest") + 9;
+    let forged = format!("{}0123456789abcdef{}", &log[..start], &log[start + 16..]);
+    std::fs::write(dir.path().join("forged.ron"), forged).expect("written");
+    let output = tenter(dir.path(), &["replay", "forged.ron", "--quiet"]);
+    assert!(refused(&output).contains("0123456789abcdef"));
+}
+
+#[test]
+fn a_recording_finds_its_mesh_from_its_own_folder() {
+    let dir = folder();
+    std::fs::create_dir(dir.path().join("meshes")).expect("made");
+    std::fs::create_dir(dir.path().join("logs")).expect("made");
+    let mesh = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+    std::fs::write(dir.path().join("meshes/quad.obj"), mesh).expect("written");
+    let record = |log: &str| tenter(dir.path(), &["run", "meshes/quad.obj", "--steps", "9", "--record", log]);
+    assert_eq!(record("log.ron").status.code(), Some(0));
+    assert_eq!(tenter(dir.path(), &["replay", "log.ron"]).status.code(), Some(0));
+    assert_eq!(record("logs/log.ron").status.code(), Some(0));
+    assert!(refused(&tenter(dir.path(), &["replay", "logs/log.ron"])).contains("outside"));
+    let named = ["replay", "logs/log.ron", "--set", "target.path=meshes/quad.obj", "--json"];
+    assert_eq!(json(&tenter(dir.path(), &named))["steps"], 9);
+}
+
+#[test]
+fn without_a_window_a_scene_still_runs() {
+    let dir = folder();
+    let output = tenter(dir.path(), &["--set", "target.columns=4", "--set", "target.rows=4", "--json"]);
+    if cfg!(not(feature = "app")) {
+        let result = json(&output);
+        assert_eq!((&result["particles"], &result["time"]), (&16.into(), &10.0.into()));
+    }
+}

@@ -1,0 +1,70 @@
+//! Counts the memory that a reader holds at most.
+//!
+//! Counting what is allocated takes an allocator of our own, and that takes `unsafe`: it hands every call on to the
+//! system's.
+#![allow(unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+thread_local! {
+    /// Bytes that this thread holds, and the most that it has held since the mark.
+    static HELD: Cell<(isize, isize)> = const { Cell::new((0, 0)) };
+}
+
+struct Counting;
+
+impl Counting {
+    fn add(bytes: isize) {
+        // While a thread ends, its counter is gone and nobody asks.
+        let _ = HELD.try_with(|held| {
+            let (now, most) = held.get();
+            held.set((now + bytes, most.max(now + bytes)));
+        });
+    }
+}
+
+// SAFETY: every call goes to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        Self::add(layout.size().cast_signed());
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        Self::add(layout.size().cast_signed());
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        Self::add(-layout.size().cast_signed());
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // As if it were always moved: the old and the new block at once.
+        Self::add(size.cast_signed());
+        Self::add(-layout.size().cast_signed());
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Does some work, and tells how many bytes were held for it at most.
+pub fn measured<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let before = HELD.with(|held| {
+        let (now, _) = held.get();
+        held.set((now, now));
+        now
+    });
+    let result = work();
+    let most = HELD.with(|held| held.get().1) - before;
+    (result, most.unsigned_abs())
+}
+
+/// Most bytes that a reader may hold for a file of some bytes.
+pub fn allowed(file: usize) -> usize {
+    64 * file + (64 << 20)
+}
