@@ -155,6 +155,47 @@ fn a_pinned_particle_stays_where_it_was_put_and_never_keeps_a_velocity() {
 }
 
 #[test]
+fn a_pulled_particle_comes_to_the_hand_as_a_critically_damped_spring_brings_it() {
+    let (k, dt) = (100.0f64, 1e-3);
+    let omega = k.sqrt();
+    for entry in simulators::ALL {
+        let mut world = world(&Scene { simulator: method(entry), dt, ..free(sheet(1, 1, 1.0)) });
+        world.apply(Command::Pull { particles: vec![0], stiffness: k }).unwrap();
+        drag(&mut world, 0, DVec3::X, 1);
+        for _ in 0..2000 {
+            world.step();
+            let t = world.time();
+            let exact = 1.0 - (1.0 + omega * t) * (-omega * t).exp();
+            // |λ| of (x, v/ω) is at most ω + 2 sqrt(κ/m) = 3 ω, and twice the leading term of an error of order 1 is
+            // |λ|² dt t exp(-ω t), which is never more than 9 ω dt / e.
+            let error = (world.positions()[0].x - exact).abs();
+            assert!(error <= 9.0 * omega * dt / std::f64::consts::E, "{} at {t}: {error}", entry.id);
+        }
+        // 20 time constants: (1 + 20) exp(-20) = 4e-8 is left.
+        assert!((world.positions()[0] - DVec3::X).length() < 1e-7, "{}", entry.id);
+        // Let go in the middle of a pull, it flies on as it is.
+        drag(&mut world, 0, DVec3::Y, 1);
+        step(&mut world, 100);
+        let flying = world.velocities()[0];
+        release(&mut world, 0);
+        assert_eq!(world.velocities()[0], flying, "{}", entry.id);
+        assert!(flying.length() > 0.1, "{}", entry.id);
+    }
+}
+
+#[test]
+fn a_pinned_particle_cannot_be_pulled_away() {
+    for entry in simulators::ALL {
+        let mut world = world(&Scene { simulator: method(entry), ..windy() });
+        let there = world.positions()[0];
+        world.apply(Command::Pull { particles: vec![0], stiffness: 1e3 }).unwrap();
+        drag(&mut world, 0, DVec3::Y, 3);
+        step(&mut world, 50);
+        assert_eq!((world.positions()[0], world.velocities()[0]), (there, DVec3::ZERO), "{}", entry.id);
+    }
+}
+
+#[test]
 fn pinning_and_freeing_edits_the_scene() {
     let mut living = world(&windy());
     for (n, command) in [
@@ -183,8 +224,8 @@ struct Others {
 }
 
 impl Others {
-    fn add(&mut self, info: &Info, value: impl ToString) {
-        self.found.push((format!("{}{}", self.prefix, info.name), value.to_string()));
+    fn add(&mut self, info: &Info, value: impl std::fmt::Display) {
+        self.found.push((format!("{}{}", self.prefix, info.name), format!("{value}")));
     }
 }
 
@@ -266,6 +307,10 @@ fn a_refused_command_changes_nothing_and_says_why_in_a_line() {
         Command::Release { particles: vec![u32::MAX] },
         Command::Pin { particles: vec![2, 99] },
         Command::Free { particles: vec![0, 30] },
+        Command::Pull { particles: vec![30], stiffness: 10.0 },
+        Command::Pull { particles: vec![1], stiffness: -1.0 },
+        Command::Pull { particles: vec![1], stiffness: f64::NAN },
+        Command::Pull { particles: vec![1], stiffness: 1.1e9 },
         Command::Drag { particle: 5, to: DVec3::ZERO, steps: 1 },
         Command::Drag { particle: 20, to: DVec3::new(f64::NAN, 0.0, 0.0), steps: 1 },
         Command::Drag { particle: 20, to: DVec3::new(0.0, f64::INFINITY, 0.0), steps: 1 },
@@ -393,7 +438,7 @@ fn a_burst_is_over_once_dt_is_right_or_the_cloth_is_reset() {
 fn sheet_in_order(folder: &std::path::Path, name: &str, order: impl Fn(usize) -> usize) -> Target {
     let mut lines = vec![String::new(); 36];
     for (row, column) in (0..6).flat_map(|r| (0..6).map(move |c| (r, c))) {
-        lines[order(6 * row + column)] = format!("v {column} {} 0", -(row as i32));
+        lines[order(6 * row + column)] = format!("v {column} -{row} 0");
     }
     let mut text = lines.join("\n") + "\n";
     for corner in (0..5).flat_map(|r| (0..5).map(move |c| 6 * r + c)) {
@@ -522,6 +567,7 @@ fn any_command() -> impl Strategy<Value = Command> {
     prop_oneof![
         3 => particles().prop_map(|particles| Command::Grab { particles }),
         4 => (0u32..20, to, 0u32..9).prop_map(|(particle, to, steps)| Command::Drag { particle, to, steps }),
+        1 => (particles(), 0.0..1e5).prop_map(|(particles, stiffness)| Command::Pull { particles, stiffness }),
         2 => particles().prop_map(|particles| Command::Release { particles }),
         1 => particles().prop_map(|particles| Command::Pin { particles }),
         1 => particles().prop_map(|particles| Command::Free { particles }),

@@ -277,7 +277,7 @@ fn change(step: usize) -> Command {
     match step % 13 {
         0 | 5 | 9 => set("simulator.id", simulators::ALL[step / 3 % methods].id.to_owned()),
         1 => set("dt", ["0.002", "0.0015", "0.001"][step / 13 % 3].to_owned()),
-        2 => toggle("shear", step % 2 == 0),
+        2 => toggle("shear", step.is_multiple_of(2)),
         3 => Command::Pin { particles: vec![(step % 42) as u32] },
         4 => Command::Free { particles: vec![(step % 42) as u32, ((step + 20) % 42) as u32] },
         6 => toggle("bend", step % 2 == 1),
@@ -285,7 +285,7 @@ fn change(step: usize) -> Command {
         8 => set("springs.stretch.rest_scale", format!("{}", 0.9 + 0.01 * (step % 20) as f64)),
         10 => set("mass", format!("PerParticle({})", 1.0 + (step % 7) as f64)),
         11 => set("precision", ["Single", "Double"][step / 13 % 2].to_owned()),
-        _ => set("wind.enabled", (step % 2 == 0).to_string()),
+        _ => set("wind.enabled", (step.is_multiple_of(2)).to_string()),
     }
 }
 

@@ -61,7 +61,7 @@ fn an_oscillator_swings_with_the_period_and_the_decay_of_its_closed_form() {
     let (k, amplitude) = (100.0f64, 0.1);
     let omega = k.sqrt();
     for (spring_damping, air_damping) in [(0.0, 0.0), (1.5, 0.5), (0.0, 2.0)] {
-        let gamma = (spring_damping + air_damping) / 2.0;
+        let gamma = f64::midpoint(spring_damping, air_damping);
         let damped_omega = (k - gamma * gamma).sqrt();
         for entry in spring_methods() {
             let per_period = 2000;
@@ -78,7 +78,7 @@ fn an_oscillator_swings_with_the_period_and_the_decay_of_its_closed_form() {
                 let error = (elongation(&world) - exact).abs();
                 // |λ| of (x, v/ω) is at most ω + 2γ; see the top of this file.
                 let rate = omega + 2.0 * gamma;
-                let tolerance = amplitude * rate * t * (rate * dt).powi(entry.order as i32);
+                let tolerance = amplitude * rate * t * (rate * dt).powi(entry.order.cast_signed());
                 assert!(error <= tolerance, "{} at {t}: {error:e} over {tolerance:e}", entry.id);
                 worst = worst.max(error);
             }
@@ -192,7 +192,7 @@ fn a_falling_particle_approaches_terminal_velocity_exponentially() {
             let v = world.velocities()[0].y;
             // Order p: terminal speed x (c dt / m)^p; half of it in theory, for the Euler methods and where the decay is
             // exact but gravity is added at the end of the step.
-            let tolerance = terminal * (c * dt).powi(entry.order as i32);
+            let tolerance = terminal * (c * dt).powi(entry.order.cast_signed());
             assert!((v - exact).abs() <= tolerance, "{} at {}: {v}", entry.id, world.time());
         }
         // 20 times the time constant: nothing is left of the approach.

@@ -92,8 +92,8 @@ pub fn step(world: &mut World, steps: u64) {
     (0..steps).for_each(|_| world.step());
 }
 
-pub fn set(world: &mut World, key: &str, value: impl ToString) {
-    world.apply(Command::Set { key: key.to_owned(), value: value.to_string() }).unwrap();
+pub fn set(world: &mut World, key: &str, value: impl std::fmt::Display) {
+    world.apply(Command::Set { key: key.to_owned(), value: format!("{value}") }).unwrap();
 }
 
 /// Every number that a result could show is finite.
