@@ -406,6 +406,24 @@ fn a_snapshot_brings_back_every_bit_of_the_future() {
 }
 
 #[test]
+fn time_goes_on_from_where_it_is_when_dt_changes() {
+    let mut world = world(&Scene { dt: 0.25, ..free(sheet(1, 1, 1.0)) });
+    step(&mut world, 4);
+    set(&mut world, "dt", 0.125);
+    assert_eq!(world.time(), 1.0);
+    step(&mut world, 4);
+    set(&mut world, "dt", 0);
+    step(&mut world, 4);
+    set(&mut world, "dt", 0.5);
+    step(&mut world, 1);
+    assert_eq!((world.time(), world.steps()), (2.0, 13));
+    // Counted, not added up: a million steps of 0.1 s end at 1e5 s to the last bit.
+    let mut world = common::world(&Scene { dt: 0.1, ..free(sheet(1, 1, 1.0)) });
+    step(&mut world, 1_000_000);
+    assert_eq!(world.time(), 1e5);
+}
+
+#[test]
 fn a_burst_is_over_once_dt_is_right_or_the_cloth_is_reset() {
     let scene =
         Scene { simulator: simulators::SimulatorSettings::new("symplectic_euler"), dt: 0.05, ..windy() };

@@ -347,7 +347,7 @@ fn wind_faster_than_the_step_can_follow_is_warned_of() {
 #[test]
 fn a_drag_of_any_length_in_one_step_ends_finite_or_says_where() {
     for (entry, scene) in variants(&Scene { dt: 1e-3, ..w1() }) {
-        for distance in [1.0, 10.0, 1000.0, 1e6] {
+        for distance in [1.0, 10.0, 1000.0, 1e6, 1e12] {
             let what = format!("{}, {:?}, {distance} m", entry.id, scene.precision);
             let mut world = world(&scene);
             let to = DVec3::new(0.3, -0.8, 0.5).normalize() * distance;
@@ -362,6 +362,23 @@ fn a_drag_of_any_length_in_one_step_ends_finite_or_says_where() {
             if entry.id == "verlet" {
                 assert!(!health.is_diverged(), "{what}: {health:?}");
             }
+        }
+    }
+}
+
+#[test]
+fn a_pull_of_any_stiffness_ends_finite_or_says_where() {
+    for (entry, scene) in variants(&Scene { dt: 1e-3, ..w1() }) {
+        for (stiffness, distance) in [(0.0, 1e12), (1.0, 1.0), (1e3, 10.0), (1e9, 1e6), (1e9, 1e12)] {
+            let what = format!("{}, {:?}, {stiffness} N/m, {distance} m", entry.id, scene.precision);
+            let mut world = world(&scene);
+            // A pull this weak is no reason to burst, but explicit Euler has a better one.
+            let stable = world.dt_limit(&world.spectrum()).is_none_or(|limit| scene.dt < limit);
+            command(&mut world, Command::Pull { particles: vec![99], stiffness });
+            command(&mut world, Command::Drag { particle: 99, to: DVec3::X * distance, steps: 1 });
+            step(&mut world, 200);
+            let health = check_end(world, 200, &what);
+            assert!(stiffness > 1.0 || !stable || !health.is_diverged(), "{what}: {health:?}");
         }
     }
 }
