@@ -220,10 +220,7 @@ pub fn ron_reader(text: &str) -> Result<ron::Deserializer<'_>, String> {
 pub fn set_whole<P: Param + Clone>(param: &mut P, info: &'static Info, text: &str) -> Result<(), String> {
     let mut fresh = param.clone();
     let mut from = ron_reader(text)?;
-    fresh
-        .load(info, &mut from)
-        .and_then(|()| from.end())
-        .map_err(|e| format!("{}: {}", info.name, one_line(&e.to_string())))?;
+    fresh.load(info, &mut from).and_then(|()| from.end()).map_err(|e| one_line(&e.to_string()))?;
     *param = fresh;
     Ok(())
 }
