@@ -1,9 +1,8 @@
-//! Time of a step: every method, both precisions, four sizes. Criterion prints it with the throughput in spring visits,
-//! so that 1 / throughput is the time per visit.
+//! Time per spring visit of every method, in both precisions and four sizes; and of what surrounds a step.
 
-use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tenter::scene::{GridTarget, Place, Precision, Scene, Target};
 use tenter::simulators::{self, SimulatorSettings};
 use tenter::world::World;
@@ -17,15 +16,23 @@ fn sheet(n: u32, simulator: &str, precision: Precision) -> World {
         dt: 1e-3,
         ..Scene::default()
     };
-    let mut world = World::new(scene, Place::default()).expect("a sheet");
-    world.set_threads(1).expect("a thread");
-    world.step();
-    world
+    World::new(scene, Place::default()).expect("a sheet")
 }
 
-fn step(criterion: &mut Criterion) {
+/// Runs as many steps as hold `visits` spring visits, and scales their time to that number: so criterion's time of an
+/// iteration is the time of a visit.
+fn visit(world: &mut World, visits: u64) -> Duration {
+    let before = world.cost().spring_visits;
+    let start = Instant::now();
+    while world.cost().spring_visits - before < visits {
+        world.step();
+    }
+    start.elapsed().mul_f64(visits as f64 / (world.cost().spring_visits - before) as f64)
+}
+
+fn visits(criterion: &mut Criterion) {
     for entry in simulators::ALL {
-        let mut group = criterion.benchmark_group(entry.id);
+        let mut group = criterion.benchmark_group(format!("visit/{}", entry.id));
         group
             .sample_size(10)
             .warm_up_time(Duration::from_millis(300))
@@ -33,10 +40,9 @@ fn step(criterion: &mut Criterion) {
         for precision in [Precision::Single, Precision::Double] {
             for n in [25, 100, 316, 1000] {
                 let mut world = sheet(n, entry.id, precision);
-                let before = world.cost().spring_visits;
-                world.step();
-                group.throughput(Throughput::Elements(world.cost().spring_visits - before));
-                group.bench_function(format!("{precision:?}/{n}x{n}"), |b| b.iter(|| world.step()));
+                group.bench_function(format!("{precision:?}/{n}x{n}"), |b| {
+                    b.iter_custom(|iterations| visit(&mut world, iterations));
+                });
             }
         }
         group.finish();
@@ -61,5 +67,5 @@ fn around(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, step, around);
+criterion_group!(benches, visits, around);
 criterion_main!(benches);

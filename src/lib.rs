@@ -1,6 +1,8 @@
 //! Tenter: cloth simulation with its error, cost and stability measured.
 #![cfg_attr(not(test), warn(clippy::unwrap_used))]
 
+#[cfg(feature = "app")]
+pub mod app;
 pub mod cli;
 pub mod forces;
 pub mod math;

@@ -13,7 +13,8 @@ const LEVELS: &[&[&str]] = &[
     &["scene"],
     &["world"],
     &["lab", "export"],
-    &["cli", "app"],
+    &["app"],
+    &["cli"],
 ];
 
 fn level(module: &str) -> Option<usize> {

@@ -293,6 +293,22 @@ fn a_recording_replays_to_the_same_bits_and_a_forged_one_does_not_pass() {
 }
 
 #[test]
+fn a_recording_finds_its_mesh_from_its_own_folder() {
+    let dir = folder();
+    std::fs::create_dir(dir.path().join("meshes")).expect("made");
+    std::fs::create_dir(dir.path().join("logs")).expect("made");
+    let mesh = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+    std::fs::write(dir.path().join("meshes/quad.obj"), mesh).expect("written");
+    let record = |log: &str| tenter(dir.path(), &["run", "meshes/quad.obj", "--steps", "9", "--record", log]);
+    assert_eq!(record("log.ron").status.code(), Some(0));
+    assert_eq!(tenter(dir.path(), &["replay", "log.ron"]).status.code(), Some(0));
+    assert_eq!(record("logs/log.ron").status.code(), Some(0));
+    assert!(refused(&tenter(dir.path(), &["replay", "logs/log.ron"])).contains("outside"));
+    let named = ["replay", "logs/log.ron", "--set", "target.path=meshes/quad.obj", "--json"];
+    assert_eq!(json(&tenter(dir.path(), &named))["steps"], 9);
+}
+
+#[test]
 fn without_a_window_a_scene_still_runs() {
     let dir = folder();
     let output = tenter(dir.path(), &["--set", "target.columns=4", "--set", "target.rows=4", "--json"]);

@@ -6,7 +6,7 @@ mod output;
 mod replay;
 mod run;
 
-use crate::scene::{Opened, Refusal, Target, open};
+use crate::scene::{Opened, Place, Refusal, Scene, Target, open};
 use crate::world::World;
 use clap::{Args, Parser, Subcommand};
 use std::process::ExitCode;
@@ -109,15 +109,21 @@ impl Common {
     /// Opens a scene with the settings of the command line.
     fn open(&self, name: &str) -> Result<Opened, Refusal> {
         let mut opened = open(name)?;
+        self.change(&mut opened.scene, &mut opened.place)?;
+        Ok(opened)
+    }
+
+    /// Makes the settings of the command line; a mesh that they name may be opened.
+    fn change(&self, scene: &mut Scene, place: &mut Place) -> Result<(), Refusal> {
         for (key, value) in &self.set {
-            opened.scene.set_key(key, value).map_err(|e| e.at("--set"))?;
-            if let Target::Mesh(mesh) = &opened.scene.target
+            scene.set_key(key, value).map_err(|e| e.at("--set"))?;
+            if let Target::Mesh(mesh) = &scene.target
                 && key.starts_with("target")
             {
-                opened.place.allow(&mesh.path);
+                place.allow(&mesh.path);
             }
         }
-        Ok(opened)
+        Ok(())
     }
 
     /// A world at the start of an opened scene.

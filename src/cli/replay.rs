@@ -1,11 +1,11 @@
 //! `tenter replay`: runs a recording again and compares the end with what was recorded.
 
-use super::run::{Results, execute, folder_of};
+use super::run::{Results, execute};
 use super::{Common, Ending};
 use crate::scene::{Place, Refusal, read_limited};
 use crate::world::Recording;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args)]
 pub struct Options {
@@ -21,26 +21,16 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
     let name = options.log.display();
     let text = read_limited(&options.log)?;
     let mut recording = Recording::from_ron(&text).map_err(|e| e.at(&name))?;
-    for (key, value) in &options.common.set {
-        recording.scene.set_key(key, value).map_err(|e| e.at("--set"))?;
-    }
-    let mut world = recording.start(Place::folder(folder_of(&options.log))).map_err(|e| e.at(&name))?;
+    let mut place = Place::folder(options.log.parent().unwrap_or(Path::new(".")));
+    options.common.change(&mut recording.scene, &mut place)?;
+    let mut world = recording.start(place).map_err(|e| e.at(&name))?;
     world.set_threads(options.common.threads as usize)?;
-    let mut finished = false;
+    let mut next = 0;
     let (world, ending) =
-        execute(world, &options.results, &options.common, &name.to_string(), |world, tick| {
-            let mut next = 0;
-            recording.apply_due(world, &mut next).map_err(|e| e.at(&name))?;
-            while world.steps() < recording.steps {
-                world.step();
-                recording.apply_due(world, &mut next).map_err(|e| e.at(&name))?;
-                if !tick(world) {
-                    return Ok(recording.steps);
-                }
-            }
-            finished = true;
-            Ok(recording.steps)
+        execute(world, &options.results, &options.common, &name.to_string(), recording.steps, |world| {
+            recording.apply_due(world, &mut next).map_err(|e| e.at(&name))
         })?;
+    let finished = world.steps() == recording.steps;
     if finished && options.common.set.is_empty() && !recording.agrees(&world) {
         return Err(Refusal::new(format!(
             "{name}: replaying it did not end in the state that was recorded (digest {}, now {:016x})",

@@ -60,17 +60,11 @@ pub fn run(options: &Options) -> Result<Ending, Refusal> {
     };
     let record = options.record.as_deref().map(Pending::new).transpose()?;
     let world = options.common.world(&opened)?;
-    let (world, ending) = execute(world, &options.results, &options.common, &opened.title, |world, tick| {
-        for _ in 0..steps {
-            world.step();
-            if !tick(world) {
-                break;
-            }
-        }
-        Ok(steps)
-    })?;
-    if let Some(file) = record {
-        file.finish(Recording::of(opened.scene, &world).to_ron()?.as_bytes())?;
+    let (world, ending) =
+        execute(world, &options.results, &options.common, &opened.title, steps, |_| Ok(()))?;
+    if let (Some(file), Some(path)) = (record, &options.record) {
+        let scene = opened.place.moved(&opened.scene, path.parent().unwrap_or(Path::new(".")));
+        file.finish(Recording::of(scene, &world).to_ron()?.as_bytes())?;
     }
     Ok(ending)
 }
@@ -93,26 +87,19 @@ pub fn without_window(scenes: &[String], common: &Common) -> Result<Ending, Refu
     let opened = common.open(name)?;
     let steps = steps_in(SECONDS, &opened.scene)?;
     let world = common.world(&opened)?;
-    let (_, ending) = execute(world, &Results::default(), common, &opened.title, |world, tick| {
-        for _ in 0..steps {
-            world.step();
-            if !tick(world) {
-                break;
-            }
-        }
-        Ok(steps)
-    })?;
+    let (_, ending) = execute(world, &Results::default(), common, &opened.title, steps, |_| Ok(()))?;
     Ok(ending)
 }
 
-/// Runs a world by `work`, which calls its second argument after each step and stops when that says no; then writes the
-/// result wherever it was asked for.
+/// Runs a world to a number of steps, calling `between` before the first and after each, until it diverges or Ctrl-C is
+/// pressed; then writes the result wherever it was asked for.
 pub fn execute(
     mut world: World,
     results: &Results,
     common: &Common,
     title: &str,
-    work: impl FnOnce(&mut World, &mut dyn FnMut(&World) -> bool) -> Result<u64, Refusal>,
+    steps: u64,
+    mut between: impl FnMut(&mut World) -> Result<(), Refusal>,
 ) -> Result<(World, Ending), Refusal> {
     let pending = results.out.as_deref().map(Pending::new).transpose()?;
     let warnings = world.warnings();
@@ -122,18 +109,23 @@ pub fn execute(
     let bar = progress(common);
     let start = Instant::now();
     let mut shown = Instant::now();
-    let planned = work(&mut world, &mut |world| {
+    between(&mut world)?;
+    while world.steps() < steps && !INTERRUPTED.load(Ordering::Relaxed) {
+        world.step();
+        if world.health().is_diverged() {
+            break;
+        }
+        between(&mut world)?;
         if shown.elapsed().as_millis() > 100 {
             shown = Instant::now();
             bar.set_message(format!("{:.2} s simulated", world.time()));
             bar.tick();
         }
-        !world.health().is_diverged() && !INTERRUPTED.load(Ordering::Relaxed)
-    })?;
+    }
     let wall_seconds = start.elapsed().as_secs_f64();
     bar.finish_and_clear();
-    if world.steps() < planned && !world.health().is_diverged() {
-        common.warn(&[format!("interrupted after {} of {planned} steps", world.steps())]);
+    if world.steps() < steps && !world.health().is_diverged() {
+        common.warn(&[format!("interrupted after {} of {steps} steps", world.steps())]);
     }
     let result = RunResult::of(&world, wall_seconds, common.threads, results.positions, warnings);
     let text = if pending.is_some() || common.json { output::json(&result)? } else { String::new() };
@@ -271,9 +263,4 @@ impl<'a> RunResult<'a> {
             self.cost.spring_visits,
         )
     }
-}
-
-/// The folder that a file lies in.
-pub fn folder_of(file: &Path) -> &Path {
-    file.parent().unwrap_or(Path::new("."))
 }

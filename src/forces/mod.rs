@@ -3,6 +3,7 @@
 pub mod air_damping;
 pub mod gravity;
 mod problem;
+pub mod pull;
 mod spectrum;
 pub mod springs;
 pub mod wind;

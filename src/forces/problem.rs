@@ -1,5 +1,6 @@
 //! What a method solves: masses, springs and forces, all constant during a step.
 
+use super::pull::{self, Pull};
 use super::springs::{Incidence, SpringParams};
 use super::wind::Wind;
 use super::{air_damping, gravity, springs, wind};
@@ -37,6 +38,8 @@ pub struct Problem<T: Real> {
     pub gravity: Option<DVec3>,
     /// The wind; none where it is switched off.
     pub wind: Option<Wind>,
+    /// Hands that pull at particles.
+    pub pulls: Vec<Pull<T>>,
     /// Threads of the current pool that forces may be shared among.
     pub threads: usize,
     /// Made when first needed: one thread never needs it.
@@ -67,6 +70,7 @@ impl<T: Real> Problem<T> {
             air_damping: T::ZERO,
             gravity: None,
             wind: None,
+            pulls: Vec::new(),
             threads: 1,
             incidence: OnceLock::new(),
         };
@@ -111,20 +115,21 @@ impl<T: Real> Problem<T> {
         self.incidence.get_or_init(|| Incidence::new(self.particles(), &self.springs.pairs))
     }
 
-    /// The forces that do not depend on the cloth's state: gravity and wind at `time` (s). Overwrites `force` (N).
-    pub fn external_forces(&self, time: f64, force: &mut [T::Vec3]) {
+    /// The forces from outside the cloth in the state given, at its time: gravity, wind, hands. Overwrites `force` (N).
+    pub fn external_forces(&self, state: &Particles<T>, force: &mut [T::Vec3]) {
         force.fill(T::Vec3::ZERO);
         if let Some(acceleration) = self.gravity {
             gravity::add(acceleration, &self.mass, force);
         }
         if let Some(gusts) = &self.wind {
-            wind::add::<T>(gusts.force(time), force);
+            wind::add::<T>(gusts.force(state.time), force);
         }
+        pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 
     /// All forces on all particles in the state given, at its time. Overwrites `force` (N); counts one evaluation.
     pub fn forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
-        self.external_forces(state.time, force);
+        self.external_forces(state, force);
         if self.air_damping > T::ZERO {
             air_damping::add(self.air_damping, &state.velocities, force);
         }

@@ -77,6 +77,23 @@ impl Place {
         self.named.push(path.into());
     }
 
+    /// The scene as it must be written into a file of another folder so that it still finds its mesh: with the mesh's
+    /// path relative to that folder where it lies inside, else with its full path, which whoever opens the file must
+    /// then name.
+    pub fn moved(&self, scene: &Scene, folder: &Path) -> Scene {
+        let mut scene = scene.clone();
+        if let Target::Mesh(mesh) = &mut scene.target
+            && !mesh.path.starts_with("asset:")
+            && let Some(file) = self.resolve(Path::new(&mesh.path)).ok().and_then(|f| f.canonicalize().ok())
+        {
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+            let path = file.strip_prefix(&folder).unwrap_or(&file);
+            mesh.path = path.to_string_lossy().into_owned();
+        }
+        scene
+    }
+
     /// Reads the mesh that a scene names.
     pub(super) fn import(&self, path: &str, options: &ImportOptions) -> Result<Import, Refusal> {
         if let Some(name) = path.strip_prefix("asset:") {

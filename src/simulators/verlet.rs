@@ -1,7 +1,7 @@
 //! Position Verlet with relaxation (thesis 4.3): particles move freely, then sweeps over the springs, taken as rigid
 //! constraints, put their lengths right.
 //!
-//! x* = x + (1 - α) dt v + dt² F(t)/m with gravity and wind in F; then `sweeps` times, for each spring, the two ends move
+//! x* = x + (1 - α) dt v + dt² F(t)/m with gravity, wind and hands in F; then `sweeps` times, for each spring, the two ends move
 //! along it until it has its rest length: half of the correction each, all of it where the other end is fixed; at last
 //! v = (x(t + dt) - x(t)) / dt, which is the displacement that position Verlet keeps (Jakobsen, "Advanced character
 //! physics", 2001).
@@ -65,7 +65,7 @@ impl Simulator for Verlet {
     ) {
         let Buffers { force, start } = scratch;
         force.resize(state.len(), T::Vec3::default());
-        problem.external_forces(state.time, force);
+        problem.external_forces(state, force);
         cost.force_evaluations += 1;
         start.clone_from(&state.positions);
 

@@ -31,7 +31,8 @@ pub fn grid(columns: u32, rows: u32, spacing: f64, vertical: bool) -> QuadMesh {
     for row in 1..rows {
         for column in 1..columns {
             let corner = row * columns + column;
-            mesh.push_face(&[corner - columns - 1, corner - columns, corner, corner - 1]);
+            // Anticlockwise seen from above, or from +z where it is upright: that side is the front.
+            mesh.push_face(&[corner - 1, corner, corner - columns, corner - columns - 1]);
         }
     }
     mesh

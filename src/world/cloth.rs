@@ -1,5 +1,7 @@
 //! One cloth in one precision: its problem, its state, and the method that steps it.
 
+use super::hand::{Grip, Hand};
+use crate::forces::pull::Pull;
 use crate::forces::springs::SpringParams;
 use crate::forces::{Cost, Problem, SpringSet};
 use crate::math::{Real, Vector};
@@ -95,6 +97,17 @@ impl<T: Build> Cloth<T> {
 
     pub fn stepper(&self) -> &dyn Stepper<T> {
         &*self.stepper
+    }
+
+    /// Takes over where hands that pull will be at the end of the next step.
+    pub fn set_pulls(&mut self, hands: &[Hand]) {
+        self.problem.pulls.clear();
+        for hand in hands {
+            if let Grip::Pull(stiffness) = hand.grip {
+                let (to, mass) = (T::Vec3::from_f64(hand.next()), self.problem.mass[hand.particle as usize]);
+                self.problem.pulls.push(Pull::new(hand.particle, to, stiffness, mass));
+            }
+        }
     }
 
     pub fn position(&self, particle: u32) -> DVec3 {

@@ -13,7 +13,15 @@ pub enum Command {
         /// Which.
         particles: Vec<u32>,
     },
-    /// Moves the hand that holds a particle to a point, straight and evenly over the next steps. Giving as many steps
+    /// Takes hold of particles by a critically damped spring each: they stay free and follow as far as the cloth lets
+    /// them. A pinned one does not move.
+    Pull {
+        /// Which.
+        particles: Vec<u32>,
+        /// Stiffness of the spring, N/m, 0 to 1e9.
+        stiffness: f64,
+    },
+    /// Moves the hand that holds or pulls a particle to a point, straight and evenly over the next steps. Giving as many steps
     /// as pass until the next such command makes a hand's path independent of the frame rate.
     Drag {
         /// Which; it must be held.
@@ -24,8 +32,8 @@ pub enum Command {
         /// Steps that it takes, at least 1.
         steps: u32,
     },
-    /// Lets go: a particle keeps the velocity that the hand had over the last tenth of a second of simulated time; a
-    /// pinned one stays where it was put.
+    /// Lets go: a held particle keeps the velocity that the hand had over the last tenth of a second of simulated time, a
+    /// pinned one stays where it was put, a pulled one flies on as it is.
     Release {
         /// Which.
         particles: Vec<u32>,
@@ -50,6 +58,9 @@ pub enum Command {
     /// Puts the cloth back to the start of its scene: shape, time, torn springs.
     Reset,
 }
+
+/// Stiffest pull, N/m.
+pub const STIFFEST_PULL: f64 = 1e9;
 
 /// Farthest that a hand may reach from the origin along an axis, m: squares of distances stay finite in single precision.
 pub const REACH: f64 = 1e12;

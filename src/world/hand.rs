@@ -1,4 +1,4 @@
-//! A hand that holds one particle: where it goes, and how fast it was when it let go.
+//! A hand at one particle: how it grips, where it goes, and how fast it was when it let go.
 
 use glam::DVec3;
 use std::collections::VecDeque;
@@ -9,10 +9,20 @@ const WINDOW: f64 = 0.1;
 /// Most samples kept of the window.
 const SAMPLES: f64 = 64.0;
 
-/// Holds one particle.
+/// How a hand takes hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Grip {
+    /// The particle is where the hand is.
+    Hold,
+    /// The particle is drawn by a spring of this stiffness, N/m.
+    Pull(f64),
+}
+
+/// A hand at one particle.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Hand {
     pub particle: u32,
+    pub grip: Grip,
     /// Where the hand is, m.
     at: DVec3,
     /// Where it goes, m, and in how many steps it is there.
@@ -24,8 +34,13 @@ pub(super) struct Hand {
 
 impl Hand {
     /// A hand that takes hold at a point.
-    pub fn new(particle: u32, at: DVec3, time: f64) -> Self {
-        Self { particle, at, to: at, steps: 0, trail: VecDeque::from([(time, at)]) }
+    pub fn new(particle: u32, grip: Grip, at: DVec3, time: f64) -> Self {
+        Self { particle, grip, at, to: at, steps: 0, trail: VecDeque::from([(time, at)]) }
+    }
+
+    /// Whether its particle goes where it goes.
+    pub fn holds(&self) -> bool {
+        self.grip == Grip::Hold
     }
 
     /// Where it is, m.
@@ -84,7 +99,7 @@ mod tests {
 
     /// A flick: still, then 3 m/s along x for 0.25 s, sampled by frames of a given rate and steps of a given dt.
     fn flick(frames_per_second: f64, dt: f64) -> DVec3 {
-        let mut hand = Hand::new(0, DVec3::ZERO, 0.0);
+        let mut hand = Hand::new(0, Grip::Hold, DVec3::ZERO, 0.0);
         let steps = (1.0 / frames_per_second / dt).round() as u32;
         let mut step = 0u32;
         while f64::from(step) * dt < 0.5 - 1e-9 {
@@ -111,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_hand_that_rests_lets_go_at_rest() {
-        let mut hand = Hand::new(0, DVec3::ZERO, 0.0);
+        let mut hand = Hand::new(0, Grip::Hold, DVec3::ZERO, 0.0);
         hand.drag(DVec3::Y, 1);
         for step in 1..=20 {
             hand.advance(f64::from(step) * 0.01);
@@ -121,6 +136,6 @@ mod tests {
 
     #[test]
     fn a_hand_that_lets_go_at_once_throws_nothing() {
-        assert_eq!(Hand::new(0, DVec3::ONE, 3.0).velocity(3.0), DVec3::ZERO);
+        assert_eq!(Hand::new(0, Grip::Hold, DVec3::ONE, 3.0).velocity(3.0), DVec3::ZERO);
     }
 }

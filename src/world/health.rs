@@ -5,6 +5,7 @@
 //! from the method. It takes one pass over the particles a step, none over the springs.
 
 use super::cloth::Cloth;
+use super::hand::{Grip, Hand};
 use super::measure::Measures;
 use crate::math::{Real, Vector};
 use glam::DVec3;
@@ -97,23 +98,26 @@ impl Ledger {
         Self { given: energy.kinetic + energy.elastic, weighted: Tally::of(cloth).weighted }
     }
 
-    /// Books the work that hands do by moving to `targets`: the elastic energy of the springs around, before and after.
-    pub fn hands<T: Real>(&mut self, cloth: &Cloth<T>, targets: impl Iterator<Item = (u32, DVec3)>) {
-        for (particle, to) in targets {
-            let (springs, state) = (&cloth.problem.springs, &cloth.state);
-            let from = state.positions[particle as usize].to_f64();
-            if from == to {
-                continue;
-            }
+    /// Books the work that hands do in their next step: what it adds to the energy of the springs around a held particle,
+    /// or to that of the spring that pulls.
+    pub fn hands<T: Real>(&mut self, cloth: &Cloth<T>, hands: &[Hand]) {
+        let (springs, state) = (&cloth.problem.springs, &cloth.state);
+        for hand in hands.iter().filter(|h| h.next() != h.at()) {
+            let energy = |k: f64, a: DVec3, b: DVec3, rest: f64| 0.5 * k * ((a - b).length() - rest).powi(2);
+            let (from, to) = (hand.at(), hand.next());
             let mut work = 0.0;
-            for &[other, spring] in cloth.problem.incidence().around(particle as usize) {
-                let spring = spring as usize;
-                let (anchor, rest) =
-                    (state.positions[other as usize].to_f64(), springs.rest[spring].to_f64());
-                let group = springs.groups.iter().find(|g| g.range.contains(&spring));
-                let k = group.map_or(0.0, |g| g.stiffness.to_f64());
-                let energy = |x: DVec3| 0.5 * k * ((x - anchor).length() - rest).powi(2);
-                work += energy(to) - energy(from);
+            if let Grip::Pull(k) = hand.grip {
+                let x = state.positions[hand.particle as usize].to_f64();
+                work = energy(k, to, x, 0.0) - energy(k, from, x, 0.0);
+            } else {
+                for &[other, spring] in cloth.problem.incidence().around(hand.particle as usize) {
+                    let spring = spring as usize;
+                    let (anchor, rest) =
+                        (state.positions[other as usize].to_f64(), springs.rest[spring].to_f64());
+                    let group = springs.groups.iter().find(|g| g.range.contains(&spring));
+                    let k = group.map_or(0.0, |g| g.stiffness.to_f64());
+                    work += energy(k, to, anchor, rest) - energy(k, from, anchor, rest);
+                }
             }
             self.given += work.max(0.0);
         }

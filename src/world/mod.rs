@@ -9,7 +9,7 @@ mod measure;
 mod recording;
 
 pub use clock::{Clock, Tick};
-pub use command::{Command, REACH};
+pub use command::{Command, REACH, STIFFEST_PULL};
 pub use health::Health;
 pub use measure::{Energy, Measures};
 pub use recording::{Entry, Recording};
@@ -21,8 +21,9 @@ use crate::scene::{Built, Place, Precision, Refusal, Scene};
 use crate::target::{ImportReport, QuadMesh};
 use cloth::{Cloth, Shape};
 use glam::DVec3;
-use hand::Hand;
+use hand::{Grip, Hand};
 use health::{Jitter, Ledger};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// A cloth in the precision of its scene.
@@ -55,6 +56,7 @@ pub struct World {
     shape: Arc<Shape>,
     report: Arc<ImportReport>,
     pinned: Vec<bool>,
+    /// By particle, so that the hand of one is found at once.
     hands: Vec<Hand>,
     cloth: AnyCloth,
     /// Steps taken since the world was made.
@@ -164,19 +166,14 @@ impl World {
 
     fn act(&mut self, command: &Command) -> Result<(), Refusal> {
         match command {
-            Command::Grab { particles } => {
-                self.check_particles(particles)?;
-                let time = self.time();
-                for &p in particles {
-                    if !self.is_held(p) {
-                        let at = on!(&mut self.cloth, c => {
-                            c.set_velocity(p, DVec3::ZERO);
-                            c.position(p)
-                        });
-                        self.hands.push(Hand::new(p, at, time));
-                    }
+            Command::Grab { particles } => self.take(particles, Grip::Hold)?,
+            Command::Pull { particles, stiffness } => {
+                if !(0.0..=STIFFEST_PULL).contains(stiffness) {
+                    return Err(Refusal::new(format!(
+                        "pull with {stiffness} N/m; accepted: 0 to {STIFFEST_PULL:e} N/m"
+                    )));
                 }
-                self.prepare();
+                self.take(particles, Grip::Pull(*stiffness))?;
             }
             Command::Drag { particle, to, steps } => {
                 if !to.to_array().iter().all(|c| c.abs() <= REACH) {
@@ -185,8 +182,8 @@ impl World {
                         to.x, to.y, to.z
                     )));
                 }
-                let hand = self.hands.iter_mut().find(|h| h.particle == *particle);
-                let hand = hand.ok_or_else(|| {
+                let found = self.hand_of(*particle).map(|i| &mut self.hands[i]);
+                let hand = found.ok_or_else(|| {
                     Refusal::new(format!(
                         "drag of particle {particle}, which no hand holds; accepted: one grabbed before"
                     ))
@@ -197,11 +194,12 @@ impl World {
             Command::Release { particles } => {
                 self.check_particles(particles)?;
                 let time = self.time();
-                let (gone, kept) = std::mem::take(&mut self.hands)
-                    .into_iter()
-                    .partition(|h| particles.contains(&h.particle));
+                let released: HashSet<u32> = particles.iter().copied().collect();
+                let hands = std::mem::take(&mut self.hands);
+                let (gone, kept): (Vec<_>, _) =
+                    hands.into_iter().partition(|h| released.contains(&h.particle));
                 self.hands = kept;
-                for hand in gone {
+                for hand in gone.iter().filter(|h| h.holds()) {
                     let pinned = self.pinned[hand.particle as usize];
                     let velocity = if pinned { DVec3::ZERO } else { hand.velocity(time) };
                     on!(&mut self.cloth, c => c.set_velocity(hand.particle, velocity));
@@ -225,6 +223,27 @@ impl World {
                 self.open_ledger();
             }
         }
+        Ok(())
+    }
+
+    /// Lays hands on particles that no hand is on yet.
+    fn take(&mut self, particles: &[u32], grip: Grip) -> Result<(), Refusal> {
+        self.check_particles(particles)?;
+        let (time, taken) = (self.time(), self.hands.len());
+        for &p in particles {
+            if self.hands[..taken].binary_search_by_key(&p, |h| h.particle).is_err() {
+                let at = on!(&mut self.cloth, c => {
+                    if grip == Grip::Hold {
+                        c.set_velocity(p, DVec3::ZERO);
+                    }
+                    c.position(p)
+                });
+                self.hands.push(Hand::new(p, grip, at, time));
+            }
+        }
+        self.hands.sort_by_key(|h| h.particle);
+        self.hands.dedup_by_key(|h| h.particle);
+        self.prepare();
         Ok(())
     }
 
@@ -319,8 +338,12 @@ impl World {
         Ok(())
     }
 
+    fn hand_of(&self, particle: u32) -> Option<usize> {
+        self.hands.binary_search_by_key(&particle, |h| h.particle).ok()
+    }
+
     fn is_held(&self, particle: u32) -> bool {
-        self.hands.iter().any(|h| h.particle == particle)
+        self.hand_of(particle).is_some_and(|i| self.hands[i].holds())
     }
 
     /// Makes exactly the pinned and the held particles immovable, and says how many threads there are.
@@ -331,9 +354,10 @@ impl World {
             for (i, pinned) in self.pinned.iter().enumerate() {
                 c.problem.set_fixed(i, *pinned);
             }
-            for hand in &self.hands {
+            for hand in self.hands.iter().filter(|h| h.holds()) {
                 c.problem.set_fixed(hand.particle as usize, true);
             }
+            c.set_pulls(&self.hands);
         });
     }
 
@@ -387,10 +411,11 @@ impl World {
         }
         let Self { hands, cloth, ledger, cost, threads, scene, .. } = self;
         on!(cloth, c => {
-            ledger.hands(c, hands.iter().map(|h| (h.particle, h.next())));
-            for hand in hands.iter() {
-                c.set_velocity(hand.particle, (hand.next() - c.position(hand.particle)) / dt);
+            ledger.hands(c, hands);
+            for hand in hands.iter().filter(|h| h.holds()) {
+                c.set_velocity(hand.particle, (hand.next() - hand.at()) / dt);
             }
+            c.set_pulls(hands);
             match threads {
                 Some(pool) => pool.install(|| c.step(dt, cost)),
                 None => c.step(dt, cost),
@@ -398,8 +423,10 @@ impl World {
             c.state.time = time;
             for hand in hands.iter_mut() {
                 hand.advance(time);
-                // The method moved it by dt v; here it arrives to the last bit.
-                c.set_position(hand.particle, hand.at());
+                if hand.holds() {
+                    // The method moved it by dt v; here it arrives to the last bit.
+                    c.set_position(hand.particle, hand.at());
+                }
             }
             if scene.tearing.enabled {
                 c.tear(scene.tearing.max_ratio);
@@ -529,7 +556,7 @@ impl World {
         &self.pinned
     }
 
-    /// The particles that hands hold.
+    /// The particles that hands hold or pull.
     pub fn held(&self) -> impl Iterator<Item = u32> + '_ {
         self.hands.iter().map(|h| h.particle)
     }

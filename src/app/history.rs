@@ -1,0 +1,101 @@
+//! What was edited, as commands both ways: undoing is doing the opposite, so that it too is logged and reaches every lane.
+
+use crate::world::Command;
+
+/// One edit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edit {
+    /// What to call it.
+    pub label: String,
+    /// The lane it was made in, or all.
+    pub lane: Option<usize>,
+    /// Takes it back.
+    pub undo: Vec<Command>,
+    /// Does it.
+    pub redo: Vec<Command>,
+}
+
+/// Edits done and taken back.
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    done: Vec<Edit>,
+    undone: Vec<Edit>,
+    /// The last edit may still grow: a slider is being dragged.
+    open: bool,
+}
+
+impl History {
+    /// Adds an edit; one of the same key while a slider is dragged becomes part of the last.
+    pub fn push(&mut self, edit: Edit) {
+        self.undone.clear();
+        if self.open
+            && let Some(last) = self.done.last_mut()
+            && last.label == edit.label
+            && last.lane == edit.lane
+        {
+            last.redo = edit.redo;
+        } else {
+            self.done.push(edit);
+        }
+        self.open = true;
+    }
+
+    /// The last edit is complete.
+    pub fn seal(&mut self) {
+        self.open = false;
+    }
+
+    /// The edit to take back.
+    pub fn undo(&mut self) -> Option<Edit> {
+        self.open = false;
+        let edit = self.done.pop()?;
+        self.undone.push(edit.clone());
+        Some(edit)
+    }
+
+    /// The edit to do again.
+    pub fn redo(&mut self) -> Option<Edit> {
+        self.open = false;
+        let edit = self.undone.pop()?;
+        self.done.push(edit.clone());
+        Some(edit)
+    }
+
+    /// What would be undone and redone.
+    pub fn names(&self) -> [Option<&str>; 2] {
+        [&self.done, &self.undone].map(|edits| edits.last().map(|edit| edit.label.as_str()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(key: &str, before: &str, after: &str) -> Edit {
+        let command = |value: &str| vec![Command::Set { key: key.to_owned(), value: value.to_owned() }];
+        Edit { label: key.to_owned(), lane: None, undo: command(before), redo: command(after) }
+    }
+
+    #[test]
+    fn a_dragged_slider_is_one_edit() {
+        let mut history = History::default();
+        history.push(set("dt", "1", "2"));
+        history.push(set("dt", "2", "3"));
+        history.seal();
+        history.push(set("dt", "3", "4"));
+        assert_eq!(history.undo(), Some(set("dt", "3", "4")));
+        assert_eq!(history.undo(), Some(set("dt", "1", "3")));
+        assert_eq!(history.undo(), None);
+        assert_eq!(history.redo(), Some(set("dt", "1", "3")));
+    }
+
+    #[test]
+    fn a_new_edit_forgets_what_was_undone() {
+        let mut history = History::default();
+        history.push(set("dt", "1", "2"));
+        history.undo();
+        history.push(set("air_damping", "1", "2"));
+        assert_eq!(history.redo(), None);
+        assert_eq!(history.names(), [Some("air_damping"), None]);
+    }
+}

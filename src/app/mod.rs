@@ -1,0 +1,72 @@
+//! The workbench: a window in which cloth is seen, taken hold of, and changed while it runs.
+
+pub mod camera;
+pub mod display;
+pub mod engine;
+pub mod geometry;
+pub mod gpu;
+pub mod hands;
+mod history;
+pub mod panels;
+pub mod picking;
+pub mod picture;
+pub mod render;
+pub mod session;
+pub mod shell;
+pub mod simulation;
+mod swapchain;
+pub mod theme;
+pub mod viewport;
+pub mod workbench;
+
+use std::sync::{Arc, OnceLock};
+
+use crate::scene::Opened;
+use engine::{Engine, LaneSetup};
+use session::{Link, Session};
+use simulation::Simulation;
+use workbench::Workbench;
+
+/// Why the workbench did not open.
+#[derive(Debug, thiserror::Error)]
+pub enum AppError {
+    /// The window.
+    #[error(transparent)]
+    Shell(#[from] shell::ShellError),
+    /// The scenes.
+    #[error(transparent)]
+    Scene(#[from] crate::scene::Refusal),
+    /// The system gives no thread.
+    #[error("the simulation's thread cannot be started: {0}")]
+    Thread(#[from] std::io::Error),
+}
+
+/// Opens scenes as lanes in a window, and returns when it is closed.
+///
+/// # Errors
+/// [`AppError`] if no window can be opened or a scene is refused.
+pub fn run(scenes: Vec<Opened>) -> Result<(), AppError> {
+    let setups: Vec<LaneSetup> =
+        scenes.into_iter().map(|Opened { scene, place, title }| LaneSetup { title, scene, place }).collect();
+    let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
+    let mut engine = Engine::new(setups.clone())?;
+    let state = engine.state();
+    // The thread is there before the window: until that opens, nobody needs to be woken.
+    let window = Arc::new(OnceLock::<egui::Context>::new());
+    let wake = Arc::clone(&window);
+    let simulation = Simulation::start(engine, move || {
+        if let Some(context) = wake.get() {
+            context.request_repaint();
+        }
+    })?;
+    let mut session = Session::new(Link::Thread(simulation), state, setups);
+    session.run(true);
+    let opening = shell::Opening { title, size: [1280.0, 800.0], maximized: false, samples: None };
+    shell::run(opening, |stage| {
+        let _ = window.set(stage.egui.clone());
+        let mut workbench = Workbench::new(session);
+        workbench.attach(stage);
+        workbench
+    })?;
+    Ok(())
+}

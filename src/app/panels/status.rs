@@ -1,0 +1,42 @@
+//! The status bar: what is open, how large it is, and whether it keeps up.
+
+use egui::{RichText, Ui};
+
+use super::params::WARNING;
+use crate::{app::session::Session, world::Health};
+
+/// The bar; `device` and `uploaded` (bytes a picture) come from the window.
+pub fn status_ui(ui: &mut Ui, session: &Session, device: &str, uploaded: u64) {
+    let state = session.state();
+    let Some(lane) = state.lanes.get(session.lane) else { return };
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 14.0;
+        let springs: usize = lane.geometry.springs.iter().map(Vec::len).sum();
+        ui.label(format!("{} particles · {springs} springs", lane.positions.len()));
+        ui.label(RichText::new(format!("t = {:.2} s", lane.time)).monospace());
+        match (state.running, state.pace) {
+            (false, _) => ui.label("paused"),
+            (true, Some(pace)) if pace < 0.95 * state.speed => ui.label(
+                RichText::new(format!("{pace:.2}x real time, {}x asked for", state.speed)).color(WARNING),
+            ),
+            (true, _) => ui.label(format!("{}x real time", state.speed)),
+        };
+        match lane.health {
+            Health::Ok => {}
+            Health::Unsettled { particle, .. } => {
+                ui.label(RichText::new(format!("unsettled at particle {particle}")).color(WARNING));
+            }
+            Health::Diverged { particle, time, .. } => {
+                let text = format!("diverged at t = {time:.3} s, particle {particle}");
+                ui.label(RichText::new(text).color(ui.visuals().error_fg_color));
+            }
+        }
+        if let Some(message) = &session.message {
+            ui.label(RichText::new(message).weak());
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(RichText::new(device).weak().small());
+            ui.label(RichText::new(format!("{:.0} kB/frame", uploaded as f64 / 1000.0)).weak().small());
+        });
+    });
+}

@@ -1,0 +1,100 @@
+//! Springs by kind and the faces' edges: one draw call a kind, two triangles a line made by the vertex shader.
+
+use super::{
+    Cloth, Style,
+    buffer::Buffer,
+    pipeline::{Layouts, Recipe, Target, build, shader},
+};
+
+/// Stretch, shear, bend and the edges of the faces.
+pub(super) const KINDS: usize = 4;
+const EDGES: usize = 3;
+
+pub(super) struct Lines {
+    pipeline: wgpu::RenderPipeline,
+}
+
+impl Lines {
+    pub(super) fn new(device: &wgpu::Device, layouts: &Layouts, target: Target) -> Self {
+        let module = shader!(device, "common", "cloth", "lines");
+        let recipe = Recipe {
+            label: "lines",
+            module: &module,
+            vertex: "vertex",
+            fragment: "fragment",
+            groups: &[&layouts.view, &layouts.cloth, &layouts.lines],
+            depth: (true, wgpu::CompareFunction::Greater),
+            bias: (0, 0.0),
+            blend: true,
+        };
+        Self { pipeline: build(device, target, &recipe) }
+    }
+
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, cloth: &Cloth, style: &Style) {
+        pass.set_pipeline(&self.pipeline);
+        for (kind, set) in cloth.lines.iter().enumerate() {
+            let shown = if kind == EDGES {
+                style.edges && style.surface
+            } else {
+                style.springs[kind] && cloth.enabled[kind]
+            };
+            let count = set.count / cloth.line_stride(kind, style);
+            if shown && count > 0 {
+                pass.set_bind_group(2, &set.bind_group, &[]);
+                pass.draw(0..6 * count, 0..1);
+            }
+        }
+    }
+}
+
+/// The lines of one kind on the device.
+pub(super) struct LineSet {
+    kind: Buffer,
+    pairs: Buffer,
+    rest: Buffer,
+    bind_group: wgpu::BindGroup,
+    pub(super) count: u32,
+}
+
+impl LineSet {
+    pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue, layouts: &Layouts, kind: usize) -> Self {
+        let mut index = Buffer::new(device, "line kind", wgpu::BufferUsages::UNIFORM);
+        let mut once = 0;
+        // A uniform with a vec3 in it is 32 bytes long.
+        index.set(device, queue, &[kind as u32, 0, 0, 0, 0, 0, 0, 0], &mut once);
+        let pairs = Buffer::new(device, "line pairs", wgpu::BufferUsages::STORAGE);
+        let rest = Buffer::new(device, "rest lengths", wgpu::BufferUsages::STORAGE);
+        let bind_group = bind(device, layouts, &index, &pairs, &rest);
+        Self { kind: index, pairs, rest, bind_group, count: 0 }
+    }
+
+    pub(super) fn set(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        layouts: &Layouts,
+        (pairs, rest_lengths): (&[[u32; 2]], &[f32]),
+        uploaded: &mut u64,
+    ) {
+        let new_pairs = self.pairs.set(device, queue, pairs, uploaded);
+        let new_rest = self.rest.set(device, queue, rest_lengths, uploaded);
+        if new_pairs || new_rest {
+            self.bind_group = bind(device, layouts, &self.kind, &self.pairs, &self.rest);
+        }
+        self.count = pairs.len() as u32;
+    }
+}
+
+fn bind(
+    device: &wgpu::Device,
+    layouts: &Layouts,
+    kind: &Buffer,
+    pairs: &Buffer,
+    rest: &Buffer,
+) -> wgpu::BindGroup {
+    device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("lines"),
+        layout: &layouts.lines,
+        entries: &[kind.binding(0), pairs.binding(1), rest.binding(2)],
+    })
+}

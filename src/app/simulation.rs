@@ -1,0 +1,149 @@
+//! The simulation's own thread: orders go in, the newest state comes out, and nobody waits for a step.
+
+use std::{
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel},
+    },
+    time::{Duration, Instant},
+};
+
+use super::engine::{Engine, Order, State};
+
+/// The interface's end.
+pub struct Simulation {
+    orders: Sender<Order>,
+    sent: u64,
+    state: Arc<Mutex<Arc<State>>>,
+}
+
+/// Pictures of the state at most this often; more would only be copied, never seen.
+const STATE_EVERY: Duration = Duration::from_millis(8);
+
+impl Simulation {
+    /// Starts the thread; `wake` is called after each new state.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub fn start(mut engine: Engine, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+        let (orders, inbox) = channel();
+        let state = Arc::new(Mutex::new(Arc::new(engine.state())));
+        let outbox = Arc::clone(&state);
+        std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
+            run(&mut engine, &inbox, &outbox, wake);
+        })?;
+        Ok(Self { orders, sent: 0, state })
+    }
+
+    /// Sends an order. It is taken between two steps.
+    pub fn send(&mut self, order: Order) {
+        // The thread ends only with the last sender.
+        if self.orders.send(order).is_ok() {
+            self.sent += 1;
+        }
+    }
+
+    /// The newest state. The lock is held for a pointer's copy.
+    pub fn state(&self) -> Arc<State> {
+        Arc::clone(&self.state.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Number of orders sent; a state with as many has seen them all.
+    pub fn sent(&self) -> u64 {
+        self.sent
+    }
+}
+
+/// Ends when the interface is gone.
+fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>, wake: impl Fn()) {
+    let mut last = Instant::now();
+    let mut told = Instant::now();
+    let mut news = true;
+    loop {
+        loop {
+            match inbox.try_recv() {
+                Ok(order) => {
+                    engine.take(order);
+                    news = true;
+                }
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => return,
+            }
+        }
+        let now = Instant::now();
+        let elapsed = now.duration_since(std::mem::replace(&mut last, now));
+        news |= engine.advance(elapsed, || false);
+        if news && told.elapsed() >= STATE_EVERY {
+            let state = Arc::new(engine.state());
+            *outbox.lock().unwrap_or_else(PoisonError::into_inner) = state;
+            wake();
+            told = Instant::now();
+            news = false;
+        }
+        let idle =
+            if news { STATE_EVERY.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
+        if idle.is_zero() {
+            continue;
+        }
+        match inbox.recv_timeout(idle) {
+            Ok(order) => {
+                engine.take(order);
+                news = true;
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        app::engine::LaneSetup,
+        scene::{Place, Scene},
+        world::Command,
+    };
+
+    fn start(ron: &str) -> Simulation {
+        let scene = Scene::from_ron(ron).expect("a scene");
+        let setup = LaneSetup { title: "test".to_owned(), scene, place: Place::default() };
+        Simulation::start(Engine::new(vec![setup]).expect("opens"), || {}).expect("a thread")
+    }
+
+    fn wait(simulation: &Simulation, until: impl Fn(&State) -> bool) -> Arc<State> {
+        let start = Instant::now();
+        while !until(&simulation.state()) {
+            assert!(start.elapsed() < Duration::from_secs(20), "nothing happens");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        simulation.state()
+    }
+
+    #[test]
+    fn orders_are_taken_and_states_come_back() {
+        let mut simulation = start("()");
+        simulation.send(Order::Run(true));
+        let state = wait(&simulation, |state| state.lanes[0].time > 0.1);
+        assert!(state.running);
+        simulation.send(Order::Apply(None, Command::Set { key: "dt".to_owned(), value: "0.01".to_owned() }));
+        let state = wait(&simulation, |state| state.orders == simulation.sent());
+        assert_eq!(state.lanes[0].scene.dt, 0.01);
+    }
+
+    #[test]
+    fn a_slow_step_makes_nobody_wait() {
+        // About 40 000 particles in debug mode: a beat takes far longer than a picture.
+        let mut simulation =
+            start("(target: Grid(columns: 200, rows: 200, spacing: 1.0, plane: Horizontal))");
+        simulation.send(Order::Run(true));
+        let start = Instant::now();
+        for _ in 0..100 {
+            let _ = simulation.state();
+            simulation.send(Order::Speed(1.0));
+        }
+        assert!(start.elapsed() < Duration::from_millis(50), "{:?}", start.elapsed());
+        simulation.send(Order::Run(false));
+        wait(&simulation, |state| state.orders == simulation.sent() && !state.running);
+    }
+}
