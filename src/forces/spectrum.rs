@@ -78,6 +78,18 @@ impl Spectrum {
         }
     }
 
+    /// A cloth that is stiffer than this one in any shape: each spring resists with k in every direction, so that K is k
+    /// times the graph Laplacian, which no stretched or turned spring exceeds.
+    pub fn stiffest<T: Real>(problem: &Problem<T>) -> Self {
+        let at_once = Particles::<T>::at_rest(vec![T::Vec3::default(); problem.particles()]);
+        let mut spectrum = Self::of(problem, &at_once);
+        for group in &problem.springs.groups {
+            let k = group.stiffness.to_f64();
+            spectrum.springs[group.range.clone()].iter_mut().for_each(|s| (s.along, s.across) = (k, k));
+        }
+        spectrum
+    }
+
     /// Largest natural frequency, rad/s: the square root of the largest eigenvalue of M⁻¹K.
     pub fn omega_max(&self) -> f64 {
         self.extreme(1.0, 0.0).omega_squared.max(0.0).sqrt()
