@@ -4,7 +4,7 @@ use super::output::{self, Pending};
 use super::{Common, Ending};
 use crate::forces::Cost;
 use crate::scene::{Precision, Refusal, Scene, builtin};
-use crate::world::{Energy, Health, Recording, World};
+use crate::world::{Cause, Energy, Health, Recording, World};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
@@ -230,11 +230,15 @@ impl<'a> RunResult<'a> {
         let torn = if self.broken > 0 { format!(", {} torn", self.broken) } else { String::new() };
         let health = match self.health {
             Health::Ok => "ok".to_owned(),
-            Health::Unsettled { step, time, particle } => {
+            Health::Unsettled { step, time, particle, cause: Cause::Shaking } => {
                 format!(
                     "unsettled: particle {particle} shakes since step {step} ({time:.4} s); dt is too long for this stiffness"
                 )
             }
+            Health::Unsettled { step, time, cause: Cause::Unsolved, .. } => format!(
+                "unsettled: the equations of {} steps were not solved to tolerance, the first in step {step} ({time:.4} s); {:.1e} times the tolerance was left at most",
+                self.cost.unsolved_steps, self.cost.residual
+            ),
             Health::Diverged { step, time, particle } => format!(
                 "diverged in step {step} ({time:.4} s) at particle {particle}; what is shown is the last good state"
             ),
@@ -244,7 +248,7 @@ impl<'a> RunResult<'a> {
              {} in {:?} precision, dt {} s: {} steps, {:.4} s simulated in {:.3} s ({speed:.1} x real time)\n\
              energy: kinetic {:.6} J, gravitational {:.6} J, elastic {:.6} J\n\
              strain: largest {:.4}, mean {:.4}\n\
-             cost: {} force evaluations, {} spring visits\n\
+             cost: {} force evaluations, {} spring visits, {} solver iterations\n\
              health: {health}",
             self.particles,
             self.pinned,
@@ -261,6 +265,7 @@ impl<'a> RunResult<'a> {
             self.mean_strain,
             self.cost.force_evaluations,
             self.cost.spring_visits,
+            self.cost.solver_iterations,
         )
     }
 }
