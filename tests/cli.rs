@@ -56,7 +56,8 @@ fn run_gives_the_result_that_the_contract_names() {
     assert_eq!(result["springs"], serde_json::json!({"stretch": 1200, "shear": 1152, "bend": 1150}));
     assert_eq!(result["broken"], 0);
     assert_eq!(result["health"], serde_json::json!({"state": "ok"}));
-    assert_eq!(result["cost"], serde_json::json!({"force_evaluations": 100, "spring_visits": 350_200}));
+    assert_eq!(result["cost"]["force_evaluations"], 100);
+    assert_eq!(result["cost"]["spring_visits"], 350_200);
     for key in ["kinetic", "gravitational", "elastic"] {
         assert!(result["energy"][key].is_f64(), "{key}");
     }
