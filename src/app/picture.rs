@@ -1,9 +1,9 @@
 //! One picture without a window: for `tenter render`, the gallery and the tests.
 
-use std::path::Path;
+use std::{io::Write, path::Path};
 
 use glam::Vec2;
-use image::{ImageEncoder, codecs::png::PngEncoder};
+use image::{ImageEncoder, codecs::png::{CompressionType, FilterType, PngEncoder}};
 
 use super::{
     camera::{Bounds, Camera},
@@ -61,6 +61,21 @@ pub fn draw(
 }
 
 impl Pixels {
+    /// The picture as the bytes of a PNG file.
+    ///
+    /// # Errors
+    /// Those of the encoder; none are known.
+    pub fn png(&self) -> std::io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let [width, height] = self.size;
+        // Every pixel is opaque: alpha would only be stored.
+        let rgb: Vec<u8> = self.rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect();
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
+            .write_image(&rgb, width, height, image::ExtendedColorType::Rgb8)
+            .map_err(std::io::Error::other)?;
+        Ok(bytes)
+    }
+
     /// Writes the picture as PNG: beside the path first, then renamed, so that it is there whole or not at all.
     ///
     /// # Errors
@@ -68,10 +83,7 @@ impl Pixels {
     pub fn save_png(&self, path: &Path) -> std::io::Result<()> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        let [width, height] = self.size;
-        PngEncoder::new(&mut file)
-            .write_image(&self.rgba, width, height, image::ExtendedColorType::Rgba8)
-            .map_err(std::io::Error::other)?;
+        file.write_all(&self.png()?)?;
         file.persist(path)?;
         Ok(())
     }
