@@ -1,9 +1,12 @@
 //! One picture without a window: for `tenter render`, the gallery and the tests.
 
-use std::{io::Write, path::Path};
+use std::{f32::consts::FRAC_PI_4, io::Write, path::Path};
 
-use glam::Vec2;
-use image::{ImageEncoder, codecs::png::{CompressionType, FilterType, PngEncoder}};
+use glam::{Vec2, Vec3};
+use image::{
+    ImageEncoder,
+    codecs::png::{CompressionType, FilterType, PngEncoder},
+};
 
 use super::{
     camera::{Bounds, Camera},
@@ -113,7 +116,9 @@ pub fn of_world(gpu: &Gpu, world: &World, size: [u32; 2], style: &Style) -> Resu
     let mut camera = Camera::default();
     let mut ground_height = 0.0;
     if let Some(bounds) = &bounds {
-        camera.focus(bounds, size);
+        let points = positions.iter().map(|&p| Vec3::from(p)).filter(|p| p.is_finite());
+        camera.yaw = telling_yaw(camera, &positions, &geometry.triangles);
+        camera.focus_on(points, bounds, size);
         ground_height = bounds.min.y - 0.1 * bounds.radius();
     }
     let look = Look { camera: &camera, size, pixels_per_point: 1.0, ground_height, bounds };
@@ -121,10 +126,25 @@ pub fn of_world(gpu: &Gpu, world: &World, size: [u32; 2], style: &Style) -> Resu
     draw(gpu, &[(geometry.topology(), frame)], &look, style, 4)
 }
 
+/// The nearest turn from the usual one that shows about as much of the surface as any: cloth seen edge on is a line.
+fn telling_yaw(camera: Camera, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f32 {
+    const ENOUGH: f32 = 0.8;
+    let yaws = [0, 1, -1, 2, -2, 3, -3, 4].map(|turn: i8| camera.yaw + f32::from(turn) * FRAC_PI_4);
+    let mut shown = [0.0_f32; 8];
+    let forwards = yaws.map(|yaw| Camera { yaw, ..camera }.axes()[2]);
+    for corners in triangles {
+        let [a, b, c] = corners.map(|p| Vec3::from(positions[p as usize]));
+        let area = (b - a).cross(c - a);
+        for (sum, forward) in shown.iter_mut().zip(forwards).filter(|_| area.is_finite()) {
+            *sum += area.dot(forward).abs();
+        }
+    }
+    let enough = ENOUGH * shown.iter().copied().fold(0.0, f32::max);
+    shown.iter().zip(yaws).find(|(shown, _)| **shown >= enough).map_or(camera.yaw, |(_, yaw)| yaw)
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::app::render::{Springs, Theme};
 
