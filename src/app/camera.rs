@@ -227,11 +227,11 @@ impl Camera {
 
     /// Looks at the whole box, keeping the direction, with a little room around it.
     pub fn focus(&mut self, bounds: &Bounds, size: Vec2) {
-        self.focus_on(bounds.corners(), bounds, size);
+        self.focus_on(&bounds.corners(), bounds, size);
     }
 
     /// Looks at points whose box is known, keeping the direction, with a little room around them.
-    pub fn focus_on(&mut self, points: impl Iterator<Item = Vec3> + Clone, bounds: &Bounds, size: Vec2) {
+    pub fn focus_on(&mut self, points: &(impl Iterator<Item = Vec3> + Clone), bounds: &Bounds, size: Vec2) {
         const ROOM: f32 = 1.12;
         let [right, up, forward] = self.axes();
         let tan = (self.fov / 2.0).tan();

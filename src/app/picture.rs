@@ -85,7 +85,10 @@ impl Pixels {
     /// The file cannot be written.
     pub fn save_png(&self, path: &Path) -> std::io::Result<()> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(folder)?;
         file.write_all(&self.png()?)?;
         file.persist(path)?;
         Ok(())
@@ -118,7 +121,7 @@ pub fn of_world(gpu: &Gpu, world: &World, size: [u32; 2], style: &Style) -> Resu
     if let Some(bounds) = &bounds {
         let points = positions.iter().map(|&p| Vec3::from(p)).filter(|p| p.is_finite());
         camera.yaw = telling_yaw(camera, &positions, &geometry.triangles);
-        camera.focus_on(points, bounds, size);
+        camera.focus_on(&points, bounds, size);
         ground_height = bounds.min.y - 0.1 * bounds.radius();
     }
     let look = Look { camera: &camera, size, pixels_per_point: 1.0, ground_height, bounds };
