@@ -83,7 +83,8 @@ impl Display {
         assert!(offered.value32().expect("atoms").any(|atom| atom == delete), "the window cannot be closed");
         let event = ClientMessageEvent::new(32, window, protocols, [delete, 0, 0, 0, 0]);
         connection.send_event(false, window, EventMask::NO_EVENT, event).expect("sent");
-        connection.flush().expect("sent");
+        // An answer to a later request says that the server has read this one: it drops what a closed connection left.
+        connection.get_input_focus().expect("sent").reply().expect("an answer");
     }
 }
 
