@@ -42,10 +42,7 @@ pub fn workbench(options: &Options) -> Result<Ending, Refusal> {
             }
             Ok(Ending::Done)
         }
-        Window::None(why) => {
-            output::complain_of("note", &why);
-            headless(&opened[0], record, common)
-        }
+        Window::None(why) => headless(&opened[0], &why, record, common),
     }
 }
 
@@ -64,12 +61,13 @@ fn window(_: &[Opened], _: bool) -> Result<Window, Refusal> {
     Ok(Window::None("this build has no window; build it with the feature app for one".to_owned()))
 }
 
-/// Ten seconds of a scene, with the result and a picture.
-fn headless(opened: &Opened, record: Option<Record>, common: &Common) -> Result<Ending, Refusal> {
+/// Ten seconds of a scene, with the result and a picture; and why there is no window.
+fn headless(opened: &Opened, why: &str, record: Option<Record>, common: &Common) -> Result<Ending, Refusal> {
     /// Simulated time, s.
     const SECONDS: f64 = 10.0;
     let steps = steps_in(SECONDS, &opened.scene)?;
     let world = common.world(opened)?;
+    output::complain_of("note", why);
     let (world, ending) = execute(world, &Results::default(), common, &opened.title, steps, |_| Ok(()))?;
     if let Some(record) = record {
         record.finish(Recording::of(opened.scene.clone(), &world), &opened.place)?;
