@@ -15,7 +15,7 @@ use super::{geometry::Geometry, render::flag};
 use crate::{
     scene::{Place, Refusal, Scene},
     target::ImportReport,
-    world::{Clock, Command, Entry, Health, Measures, Snapshot, World},
+    world::{Clock, Command, Entry, Health, Measures, Recording, Snapshot, World},
 };
 
 /// What the interface can ask for.
@@ -142,7 +142,7 @@ const PICTURE: Duration = Duration::from_millis(12);
 
 /// One simulation with what is kept beside it.
 struct Lane {
-    title: String,
+    start: LaneSetup,
     world: World,
     geometry: Arc<Geometry>,
     /// Torn springs that `geometry` leaves out; none once the geometry is out of date.
@@ -435,6 +435,12 @@ impl Engine {
         self.measure_at = Instant::now() + Duration::from_secs_f64(pause.clamp(0.03, 5.0));
     }
 
+    /// What was done to a lane since it was opened, and where its scene's meshes are.
+    pub fn recording(&self, lane: usize) -> Option<(Recording, Place)> {
+        let Lane { start, world, .. } = self.lanes.get(lane)?;
+        Some((Recording::of(start.scene.clone(), world), start.place.clone()))
+    }
+
     /// The commands that a lane has taken, with their steps.
     pub fn log(&self, lane: usize) -> &[Entry] {
         self.lanes.get(lane).map_or(&[], |lane| lane.world.log())
@@ -443,9 +449,9 @@ impl Engine {
 
 impl Lane {
     fn open(setup: LaneSetup) -> Result<Self, Refusal> {
-        let world = World::new(setup.scene, setup.place)?;
+        let world = World::new(setup.scene.clone(), setup.place.clone()).map_err(|e| e.at(&setup.title))?;
         let mut lane = Self {
-            title: setup.title,
+            start: setup,
             geometry: Arc::default(),
             shape: None,
             previous: Vec::new(),
@@ -514,7 +520,7 @@ impl Lane {
         };
         let previous = (self.previous.len() == positions.len()).then(|| Arc::new(self.previous.clone()));
         LaneState {
-            title: self.title.clone(),
+            title: self.start.title.clone(),
             scene: world.scene().clone(),
             geometry: Arc::clone(&self.geometry),
             positions: Arc::new(positions),

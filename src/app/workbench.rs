@@ -61,6 +61,11 @@ impl Workbench {
         theme::apply(stage.egui);
     }
 
+    /// Bytes uploaded for the last picture.
+    pub fn uploaded(&self) -> u64 {
+        self.drawing.as_ref().map_or(0, |(drawing, _)| drawing.uploaded())
+    }
+
     /// One frame of panels and input.
     pub fn ui(&mut self, ui: &mut Ui) {
         self.session.refresh();
@@ -75,7 +80,7 @@ impl Workbench {
             });
         });
         egui::Panel::bottom("status").show(ui, |ui| {
-            let uploaded = self.drawing.as_ref().map_or(0, |(drawing, _)| drawing.uploaded());
+            let uploaded = self.uploaded();
             panels::status_ui(ui, &self.session, &self.device, uploaded);
         });
         egui::Panel::left("simulation").default_size(320.0).size_range(260.0..=480.0).show(ui, |ui| {
