@@ -11,7 +11,7 @@ use tenter::scene::{Place, Scene};
 /// A workbench on a scene, whose engine runs only when told to.
 fn open(ron: &str) -> Harness<'static, Workbench> {
     let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup { title: "test".to_owned(), scene, place: Place::default() }];
+    let setups = vec![LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None }];
     let mut engine = Engine::new(setups.clone()).expect("opens");
     let state = engine.state();
     let session = Session::new(Link::Here(Box::new(engine)), state, setups);

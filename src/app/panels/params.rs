@@ -39,6 +39,14 @@ pub struct Changes {
     pub ended: bool,
 }
 
+impl Changes {
+    /// Adds those of another set.
+    pub fn add(&mut self, more: Self) {
+        self.changes.extend(more.changes);
+        self.ended |= more.ended;
+    }
+}
+
 /// Draws what `show` shows to a visitor. Paths begin with `prefix`; a path for which `hide` is true is left out.
 pub fn params_ui(
     ui: &mut Ui,
