@@ -150,7 +150,7 @@ impl Engine {
                 self.running = false;
             }
             Order::Keep(number) => self.keep(number),
-            Order::Exchange { number, otherwise } => self.exchange(number, otherwise)?,
+            Order::Exchange { number, otherwise } => self.exchange(number, &otherwise)?,
             Order::Values(values) => self.values = values,
             Order::Reference(lane) => self.reference = lane.min(self.lanes.len().saturating_sub(1)),
             Order::Record(path) => self.record(&path)?,
@@ -268,7 +268,7 @@ impl Engine {
         }
     }
 
-    fn exchange(&mut self, number: u64, otherwise: Vec<(Option<usize>, Command)>) -> Result<(), Refusal> {
+    fn exchange(&mut self, number: u64, otherwise: &[(Option<usize>, Command)]) -> Result<(), Refusal> {
         let found =
             self.kept.iter_mut().find(|(known, then)| *known == number && then.len() == self.lanes.len());
         let Some((_, then)) = found else {

@@ -56,21 +56,19 @@ impl<T: Send + 'static> Job<T> {
         Self(receiver)
     }
 
-    /// The answer once it is there; `Some(None)` if there will be none.
-    fn answer(&self) -> Option<Option<T>> {
-        match self.0.try_recv() {
-            Ok(answer) => Some(Some(answer)),
-            Err(TryRecvError::Empty) => None,
-            Err(TryRecvError::Disconnected) => Some(None),
-        }
+    /// The answer, or why there is none: not yet, or never.
+    fn answer(&self) -> Result<T, TryRecvError> {
+        self.0.try_recv()
     }
 }
 
-/// Takes the answer of a job, and the job away, once it is there.
+/// Takes the answer of a job, and the job away once it has ended.
 fn take<T: Send + 'static>(job: &mut Option<Job<T>>) -> Option<T> {
-    let answer = job.as_ref()?.answer()?;
-    *job = None;
-    answer
+    let answer = job.as_ref()?.answer();
+    if !matches!(answer, Err(TryRecvError::Empty)) {
+        *job = None;
+    }
+    answer.ok()
 }
 
 /// What is being opened and saved.
@@ -164,14 +162,18 @@ impl Files {
 
     /// Takes what the threads have done. Returns what was picked, and what comes next.
     pub fn poll(&mut self, session: &mut Session) -> (Option<(Purpose, PathBuf)>, Option<Next>) {
-        if let Some((_, job)) = &self.loading
-            && let Some(answer) = job.answer()
-        {
-            self.loading = None;
-            match answer {
-                Some(Ok(opened)) => self.has_loaded(session, opened),
-                Some(Err(refusal)) => session.message = Some(refusal.to_string()),
-                None => session.message = Some("the system gives no thread to read files".to_owned()),
+        if let Some((_, job)) = &self.loading {
+            match job.answer() {
+                Ok(Ok(opened)) => self.has_loaded(session, opened),
+                Ok(Err(refusal)) => {
+                    session.message = Some(refusal.to_string());
+                    self.loading = None;
+                }
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Disconnected) => {
+                    session.message = Some("the system gives no thread to read files".to_owned());
+                    self.loading = None;
+                }
             }
         }
         let mut next = None;
@@ -187,14 +189,19 @@ impl Files {
             }
             None => {}
         }
-        let picked = self.picking.as_ref().and_then(|(purpose, job)| Some((*purpose, job.answer()?)));
-        if picked.is_some() {
-            self.picking = None;
-        }
-        (picked.and_then(|(purpose, answer)| Some((purpose, answer??))), next)
+        let answer = self.picking.as_ref().map(|(purpose, job)| (*purpose, job.answer()));
+        let picked = match answer {
+            Some((_, Err(TryRecvError::Empty))) | None => None,
+            Some((purpose, answer)) => {
+                self.picking = None;
+                answer.ok().flatten().map(|path| (purpose, path))
+            }
+        };
+        (picked, next)
     }
 
     fn has_loaded(&mut self, session: &mut Session, opened: Opened) {
+        self.loading = None;
         if let Some(file) = &opened.file {
             self.preferences.remember(file);
         } else if let Target::Mesh(mesh) = &opened.scene.target

@@ -82,7 +82,7 @@ impl History {
                     match order {
                         Order::Apply(lane, _) => up(lane),
                         Order::Exchange { otherwise, .. } => {
-                            otherwise.iter_mut().for_each(|(lane, _)| up(lane))
+                            otherwise.iter_mut().for_each(|(lane, _)| up(lane));
                         }
                         _ => {}
                     }

@@ -107,8 +107,11 @@ impl Workbench {
             self.focus = Some(Focus::Opened);
         }
         self.poll(ui);
-        let is_asked = self.ask.is_some();
-        if !is_asked {
+        let closes = (self.shows_help || self.shows_gallery) && self.ask.is_none();
+        if closes && ui.input_mut(|input| input.consume_key(egui::Modifiers::NONE, egui::Key::Escape)) {
+            (self.shows_help, self.shows_gallery) = (false, false);
+        }
+        if self.ask.is_none() {
             for action in panels::pressed(ui) {
                 self.perform(&action);
             }
@@ -146,6 +149,14 @@ impl Workbench {
         });
         let [left, right, bottom] = self.files.preferences.panels;
         let widths = &mut self.files.preferences.panels;
+        let lanes = self.session.state().lanes.len();
+        if lanes > 1 {
+            let panel = egui::Panel::bottom("lanes").resizable(true).default_size(bottom);
+            let shown = panel.size_range(96.0..=320.0).show(ui, |ui| {
+                panels::lanes_ui(ui, &mut self.session, &mut self.display);
+            });
+            widths[2] = shown.response.rect.height();
+        }
         let shown = egui::Panel::left("left").default_size(left).size_range(280.0..=480.0).show(ui, |ui| {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 section(ui, "Target", |ui| actions.extend(panels::target_ui(ui, &mut self.session)));
@@ -164,13 +175,6 @@ impl Workbench {
                 });
             });
         widths[1] = shown.response.rect.width();
-        if lanes > 1 {
-            let panel = egui::Panel::bottom("lanes").resizable(true).default_size(bottom);
-            let shown = panel.size_range(96.0..=320.0).show(ui, |ui| {
-                panels::lanes_ui(ui, &mut self.session, &mut self.display);
-            });
-            widths[2] = shown.response.rect.height();
-        }
         for action in actions {
             self.perform(&action);
         }
@@ -317,6 +321,9 @@ impl Workbench {
         let tiles = if self.is_tiled() { lanes.len() } else { 1 };
         let chosen = self.session.lane.min(lanes.len().saturating_sub(1));
         let lane_of = |tile: usize| if tiles > 1 { tile } else { chosen };
+        if tiles != self.viewport.rects().len() {
+            self.focus = self.focus.or(Some(Focus::Wanted));
+        }
         let shows_surface = self.style.surface;
         let target = |tile: usize| {
             let Some(lane) = lanes.get(lane_of(tile)) else {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use egui::{Align2, Context, Key, Modal, RichText, TextEdit, Ui, WidgetInfo, vec2};
 
-use super::menu::{KEYS, key_of};
+use super::menu::{KEYS, key_name};
 use crate::{
     app::{
         files::{Files, Next, Purpose, proposal},
@@ -234,24 +234,26 @@ pub fn help_ui(ctx: &Context, is_open: &mut bool) {
         .anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0))
         .show(ctx, |ui| {
             ui.horizontal_top(|ui| {
-                egui::Grid::new("keys").num_columns(2).spacing([16.0, 3.0]).show(ui, |ui| {
-                    for (_, _, action, text) in KEYS {
-                        ui.monospace(key_of(ui, action));
-                        ui.label(*text);
-                        ui.end_row();
-                    }
-                });
-                ui.separator();
-                egui::Grid::new("mouse").num_columns(1).spacing([16.0, 1.0]).show(ui, |ui| {
-                    for (what, text) in MOUSE {
-                        ui.label(RichText::new(what).strong());
-                        ui.end_row();
-                        ui.add(egui::Label::new(text).wrap());
-                        ui.end_row();
-                    }
-                });
+                for (i, keys) in KEYS.chunks(KEYS.len().div_ceil(2)).enumerate() {
+                    egui::Grid::new(("keys", i)).num_columns(2).spacing([14.0, 3.0]).show(ui, |ui| {
+                        for (modifiers, key, _, text) in keys {
+                            ui.monospace(key_name(ui, *modifiers, *key));
+                            ui.label(*text);
+                            ui.end_row();
+                        }
+                    });
+                    ui.add_space(12.0);
+                }
             });
             ui.separator();
-            ui.label("Sliders: drag, or click the number and type. An arrow behind a value puts it back to its default.");
+            egui::Grid::new("mouse").num_columns(2).spacing([14.0, 3.0]).show(ui, |ui| {
+                for (what, text) in MOUSE {
+                    ui.label(RichText::new(what).strong());
+                    ui.label(text);
+                    ui.end_row();
+                }
+            });
+            ui.separator();
+            ui.label("Sliders: drag, or click the number and type. The arrow behind a value puts it back to its default.");
         });
 }

@@ -1,7 +1,7 @@
 //! Whether the simulation can be trusted: dt against its limit, energies and strain over time, cost against real time.
 
 use egui::{Color32, RichText, Ui, WidgetInfo};
-use egui_plot::{Legend, Line, Plot, PlotPoints};
+use egui_plot::{Line, Plot, PlotPoints};
 
 use crate::app::{engine::LaneState, session::Session, trace::Sample};
 
@@ -77,12 +77,6 @@ fn plot(ui: &mut Ui, name: &str, samples: &[&Sample], series: &[Series]) {
         .collect();
     let shown = Plot::new(name)
         .height(96.0)
-        .legend(
-            Legend::default()
-                .position(egui_plot::Corner::LeftTop)
-                .background_alpha(0.4)
-                .text_style(egui::TextStyle::Small),
-        )
         .show_axes([true, true])
         .y_axis_min_width(38.0)
         .y_axis_formatter(|mark, _| short(mark.value))

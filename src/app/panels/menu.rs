@@ -92,8 +92,18 @@ pub fn pressed(ui: &Ui) -> Vec<Action> {
 pub fn key_of(ui: &Ui, action: &Action) -> String {
     KEYS.iter()
         .find(|(_, _, known, _)| known == action)
-        .map(|(modifiers, key, ..)| ui.ctx().format_shortcut(&KeyboardShortcut::new(*modifiers, *key)))
+        .map(|(modifiers, key, ..)| key_name(ui, *modifiers, *key))
         .unwrap_or_default()
+}
+
+/// A key with its modifiers, as the system writes it.
+pub fn key_name(ui: &Ui, modifiers: Modifiers, key: Key) -> String {
+    match key {
+        Key::Period => ".".to_owned(),
+        Key::OpenBracket => "[".to_owned(),
+        Key::CloseBracket => "]".to_owned(),
+        key => ui.ctx().format_shortcut(&KeyboardShortcut::new(modifiers, key)),
+    }
 }
 
 /// The menus; returns what was chosen.
