@@ -17,6 +17,8 @@ pub struct Spectrum {
     /// 1/sqrt(m) of each particle, 0 where it cannot move.
     inverse_root: Vec<f64>,
     springs: Vec<Linear>,
+    /// Particles that hands pull at, with stiffness (N/m) and damping (kg/s).
+    pulls: Vec<(usize, f64, f64)>,
     /// k_d, kg/s.
     spring_damping: f64,
     /// c, kg/s.
@@ -66,9 +68,26 @@ impl Spectrum {
         Self {
             inverse_root: problem.inverse_mass.iter().map(|w| w.to_f64().sqrt()).collect(),
             springs,
+            pulls: problem
+                .pulls
+                .iter()
+                .map(|p| (p.particle as usize, p.stiffness.to_f64(), p.damping.to_f64()))
+                .collect(),
             spring_damping: problem.spring_damping.to_f64(),
             air_damping: problem.air_damping.to_f64(),
         }
+    }
+
+    /// A cloth that is stiffer than this one in any shape: each spring resists with k in every direction, so that K is k
+    /// times the graph Laplacian, which no stretched or turned spring exceeds.
+    pub fn stiffest<T: Real>(problem: &Problem<T>) -> Self {
+        let at_once = Particles::<T>::at_rest(vec![T::Vec3::default(); problem.particles()]);
+        let mut spectrum = Self::of(problem, &at_once);
+        for group in &problem.springs.groups {
+            let k = group.stiffness.to_f64();
+            spectrum.springs[group.range.clone()].iter_mut().for_each(|s| (s.along, s.across) = (k, k));
+        }
+        spectrum
     }
 
     /// Largest natural frequency, rad/s: the square root of the largest eigenvalue of M⁻¹K.
@@ -104,6 +123,9 @@ impl Spectrum {
             let f = across + spring.n * (a * (spring.along - spring.across) * spring.n.dot(d));
             to[i] -= f;
             to[j] += f;
+        }
+        for &(p, stiffness, damping) in &self.pulls {
+            to[p] += from[p] * (w[p] * (a * stiffness + b * damping));
         }
         for (t, w) in to.iter_mut().zip(w) {
             *t *= *w;

@@ -151,6 +151,14 @@ impl Scene {
 
     /// What no single field can check.
     fn check(&self) -> Result<(), Refusal> {
+        /// Shortest step besides 0, s: 1/dt and the speed of a hand stay finite in single precision.
+        const SHORTEST: f64 = 1e-20;
+        if self.dt > 0.0 && self.dt < SHORTEST {
+            return Err(Refusal::new(format!(
+                "dt is {}; accepted: 0, or {SHORTEST:e} to 100 s",
+                params::Short(self.dt)
+            )));
+        }
         if self.wind.direction == DVec3::ZERO {
             return Err(Refusal::new("wind.direction is (0, 0, 0); accepted: any other vector"));
         }

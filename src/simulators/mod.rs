@@ -3,6 +3,7 @@
 //! A method advances m a = F(t, x, v) from t to t + dt. It owns parameters and scratch, never state: replaced by a fresh
 //! one between two steps it changes no bit of the trajectory, so methods can be switched while a cloth moves.
 
+mod region;
 mod registry;
 mod settings;
 
@@ -17,6 +18,8 @@ use crate::params::Params;
 registry::registry! {
     explicit_euler::ExplicitEuler,
     symplectic_euler::SymplecticEuler,
+    velocity_verlet::VelocityVerlet,
+    rk4::Rk4,
     verlet::Verlet,
 }
 

@@ -126,15 +126,21 @@ impl Ledger {
     /// Books a step of `dt` (s) that ended in `cloth`; answers with the particle to blame where it has diverged.
     pub fn step<T: Real>(&mut self, cloth: &Cloth<T>, dt: f64) -> Option<u32> {
         let tally = Tally::of(cloth);
+        if tally.mass == 0.0 {
+            // Nothing can move, so nothing can diverge.
+            return None;
+        }
         let gravity = cloth.problem.gravity.unwrap_or_default();
         let wind = cloth.problem.wind.as_ref().map_or(DVec3::ZERO, |w| w.force(cloth.state.time));
         self.given += (wind.dot(tally.velocity) * dt).max(0.0);
         let fallen = gravity.dot(tally.weighted - self.weighted).max(0.0);
         // One spring length and one step of free acceleration a step are no sign of anything.
         let stride = cloth.mean_rest / dt;
-        let push = wind * (tally.count / tally.mass.max(f64::MIN_POSITIVE)) + gravity;
+        let push = wind * (tally.count / tally.mass) + gravity;
         let freely = 0.5 * tally.mass * (stride * stride + (push * dt).length_squared());
-        let sound = tally.kinetic <= EXCESS * (self.given + fallen + freely);
+        // What is allowed is itself infinite where dt is so short that its square is 0.
+        let finite = tally.kinetic.is_finite() && tally.weighted.is_finite();
+        let sound = finite && tally.kinetic <= EXCESS * (self.given + fallen + freely);
         (!sound).then(|| worst(cloth))
     }
 }

@@ -1,5 +1,6 @@
 //! A running simulation: it owns the state, applies commands, steps, tears, and watches its own health.
 
+mod branch;
 mod clock;
 mod cloth;
 mod command;
@@ -413,6 +414,7 @@ impl World {
         on!(cloth, c => {
             ledger.hands(c, hands);
             for hand in hands.iter().filter(|h| h.holds()) {
+                // From where the hand is, not the particle: rounded to single precision that would be a phantom velocity.
                 c.set_velocity(hand.particle, (hand.next() - hand.at()) / dt);
             }
             c.set_pulls(hands);
