@@ -3,19 +3,25 @@
 pub mod camera;
 pub mod display;
 pub mod engine;
+pub mod files;
+pub mod gallery;
 pub mod geometry;
 pub mod gpu;
 pub mod hands;
 mod history;
+mod lane;
+pub mod order;
 pub mod panels;
 pub mod picking;
 pub mod picture;
+pub mod preferences;
 pub mod render;
 pub mod session;
 pub mod shell;
 pub mod simulation;
 mod swapchain;
 pub mod theme;
+pub mod trace;
 pub mod viewport;
 pub mod workbench;
 
@@ -29,6 +35,7 @@ use crate::{
     world::Recording,
 };
 use engine::{Engine, LaneSetup};
+use preferences::Preferences;
 use session::{Link, Session};
 use simulation::Simulation;
 use workbench::Workbench;
@@ -78,8 +85,7 @@ impl Closed {
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
 pub fn run(scenes: Vec<Opened>) -> Result<Closed, AppError> {
-    let setups: Vec<LaneSetup> =
-        scenes.into_iter().map(|Opened { scene, place, title }| LaneSetup { title, scene, place }).collect();
+    let setups: Vec<LaneSetup> = scenes.into_iter().map(LaneSetup::from).collect();
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
     let mut engine = Engine::new(setups.clone())?;
     let state = engine.state();
@@ -93,11 +99,15 @@ pub fn run(scenes: Vec<Opened>) -> Result<Closed, AppError> {
     })?;
     let closed = Closed { simulation: simulation.thread() };
     let mut session = Session::new(Link::Thread(simulation), state, setups);
-    session.run(true);
-    let opening = shell::Opening { title, size: [1280.0, 800.0], maximized: false, samples: None };
+    session.start();
+    let file = Preferences::file();
+    let preferences = file.as_deref().map(Preferences::load).unwrap_or_default();
+    let opening =
+        shell::Opening { title, size: preferences.size, maximized: preferences.maximized, samples: None };
     shell::run(opening, |stage| {
+        // Before the first frame nobody else sets it.
         let _ = window.set(stage.egui.clone());
-        let mut workbench = Workbench::new(session);
+        let mut workbench = Workbench::with(session, preferences, file);
         workbench.attach(stage);
         workbench
     })?;
