@@ -160,8 +160,17 @@ impl Engine {
 
     fn open(&mut self, setups: Vec<LaneSetup>) -> Result<(), Refusal> {
         // Built before the old ones go: a refused scene leaves everything as it was.
-        self.lanes = setups.into_iter().map(Lane::open).collect::<Result<_, _>>()?;
+        let open = |setup: LaneSetup| {
+            let title = setup.title.clone();
+            Lane::open(setup).map_err(|refusal| refusal.at(title))
+        };
+        let lanes = setups.into_iter().map(open).collect::<Result<Vec<_>, _>>()?;
+        if lanes.is_empty() {
+            return Err(Refusal::new("there is no scene to open"));
+        }
+        self.lanes = lanes;
         self.reference = 0;
+        self.running = false;
         self.has_jumped();
         Ok(())
     }

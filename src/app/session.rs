@@ -150,9 +150,7 @@ impl Session {
     pub fn start(&mut self) {
         let hangs = self.state.lanes.iter().any(|lane| lane.pinned > 0 || !lane.scene.gravity.enabled);
         if !hangs {
-            self.message = Some(
-                "paused, because nothing is pinned: select particles, P pins them, Space runs".to_owned(),
-            );
+            self.message = Some("nothing is pinned: select particles, P pins them, Space runs".to_owned());
         }
         self.run(hangs);
     }

@@ -299,7 +299,7 @@ impl Workbench {
                 *used = if used == tool { Tool::Move } else { *tool };
             }
             Action::Grip => session.grip.soft = !session.grip.soft,
-            Action::AddLane => session.add_lane(None),
+            Action::AddLane(method) => session.add_lane(*method),
             Action::Theme => {
                 self.style.theme = if self.style.theme == Theme::Dark { Theme::Light } else { Theme::Dark };
             }

@@ -2,6 +2,7 @@
 
 use egui::{Color32, Frame, RichText, Ui};
 
+use super::health::three;
 use crate::{
     app::{
         engine::{LaneState, Order},
@@ -77,14 +78,16 @@ fn cause(lane: &LaneState) -> String {
             format!("{method} is stable at no step here: choose another method, or more damping.")
         }
         Some(limit) if dt > limit => format!(
-            "dt {} s is {:.2} x the stability limit {limit:.4} s of {method} in this shape: stiffer springs or lighter particles ask for shorter steps.",
-            Short(dt),
-            dt / limit
-        ),
-        Some(limit) => format!(
-            "dt {} s is {:.2} x the stability limit {limit:.4} s: a sudden pull, or springs far from their length (largest strain {:.0} %), ask for shorter steps than theory does for small motions.",
+            "dt {} s is {:.2} x the stability limit {} s of {method} in this shape: stiffer springs or lighter particles ask for shorter steps.",
             Short(dt),
             dt / limit,
+            three(limit)
+        ),
+        Some(limit) => format!(
+            "dt {} s is {:.2} x the stability limit {} s: a sudden pull, or springs far from their length (largest strain {:.0} %), ask for shorter steps than theory does for small motions.",
+            Short(dt),
+            dt / limit,
+            three(limit),
             100.0 * lane.measures.max_strain
         ),
         None => format!(
