@@ -249,13 +249,17 @@ pub fn dress(mut opened: Opened) -> Opened {
     springs.stretch.stiffness = 50.0;
     springs.shear.stiffness = 10.0;
     springs.bend.stiffness = 0.5;
-    let limit = World::new(scene.clone(), opened.place.clone())
-        .ok()
-        .and_then(|world| world.dt_limit(&world.spectrum()))
-        .filter(|limit| *limit > 0.0 && limit.is_finite());
+    let limit = World::new(scene.clone(), opened.place.clone()).ok().and_then(|world| {
+        let masses = scene.mass.of(world.mesh()).ok()?;
+        let weight = scene.gravity.magnitude * masses.iter().sum::<f64>() / masses.len() as f64;
+        let limit = world.dt_limit(&world.spectrum()).filter(|l| *l > 0.0 && l.is_finite())?;
+        Some((limit, weight.max(1e-9)))
+    });
     // What cannot be built so is opened as it is, and told why.
-    if let Some(limit) = limit {
+    if let Some((limit, weight)) = limit {
         scene.dt = readable(0.7 * limit.min(0.02));
+        // A wind that lifts it, and does not tear it away.
+        scene.wind.strength = readable(weight);
         opened.scene = scene;
     }
     opened

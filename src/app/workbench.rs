@@ -117,7 +117,12 @@ impl Workbench {
             }
         }
         let dark = self.style.theme == Theme::Dark;
-        ui.ctx().set_theme(if dark { egui::Theme::Dark } else { egui::Theme::Light });
+        let wanted = if dark { egui::Theme::Dark } else { egui::Theme::Light };
+        if ui.ctx().theme() != wanted {
+            ui.ctx().set_theme(wanted);
+            // What was laid out before has the old colours.
+            ui.ctx().request_repaint();
+        }
         self.panels_ui(ui);
         self.session.want(match () {
             () if self.by_distance() => Values::Distance,
