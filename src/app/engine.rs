@@ -15,7 +15,7 @@ use glam::DVec3;
 use super::lane::Lane;
 pub use super::order::{LaneSetup, LaneState, Order, State, Values};
 use crate::{
-    scene::{Pending, Refusal},
+    scene::{Pending, Place, Refusal},
     world::{Clock, Command, Entry, Recording, Snapshot},
 };
 
@@ -314,14 +314,13 @@ impl Engine {
     }
 
     fn record(&self, path: &Path) -> Result<(), Refusal> {
-        let first = self.lanes.first().and_then(|lane| Some((lane, lane.start.as_ref()?)));
-        let Some((lane, start)) = first else {
+        let Some((recording, place)) = self.recording(0) else {
             return Err(Refusal::new(
                 "this lane was added while time passed: it has no start to record from",
             ));
         };
-        let start = lane.place.moved(start, path.parent().unwrap_or(Path::new(".")));
-        let text = Recording::of(start, &lane.world).to_ron()?;
+        let scene = place.moved(&recording.scene, path.parent().unwrap_or(Path::new(".")));
+        let text = Recording { scene, ..recording }.to_ron()?;
         Pending::new(path)?.finish(text.as_bytes())
     }
 
@@ -472,6 +471,13 @@ impl Engine {
             self.stale = false;
             self.limit_at = pause(start, 60.0);
         }
+    }
+
+    /// What was done to a lane since it was opened, and where its scene's meshes are; none where it has no start to
+    /// record from, because it was added while time passed.
+    pub fn recording(&self, lane: usize) -> Option<(Recording, Place)> {
+        let lane = self.lanes.get(lane)?;
+        Some((Recording::of(lane.start.clone()?, &lane.world), lane.place.clone()))
     }
 
     /// The commands that a lane has taken, with their steps.

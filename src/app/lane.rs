@@ -52,7 +52,7 @@ pub(super) struct Lane {
 impl Lane {
     pub fn open(setup: LaneSetup) -> Result<Self, Refusal> {
         let start = setup.scene.clone();
-        let world = World::new(setup.scene, setup.place.clone())?;
+        let world = World::new(setup.scene, setup.place.clone()).map_err(|e| e.at(&setup.title))?;
         let mut lane = Self::of(setup.title, world, setup.place);
         lane.start = Some(start);
         lane.set_threads();

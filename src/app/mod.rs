@@ -25,9 +25,15 @@ pub mod trace;
 pub mod viewport;
 pub mod workbench;
 
-use std::sync::{Arc, OnceLock};
+use std::{
+    sync::{Arc, OnceLock},
+    thread::JoinHandle,
+};
 
-use crate::scene::Opened;
+use crate::{
+    scene::{Opened, Place},
+    world::Recording,
+};
 use engine::{Engine, LaneSetup};
 use preferences::Preferences;
 use session::{Link, Session};
@@ -48,11 +54,37 @@ pub enum AppError {
     Thread(#[from] std::io::Error),
 }
 
+impl AppError {
+    /// Whether this machine gives no window at all: what needs none can still be done.
+    pub fn is_no_window(&self) -> bool {
+        use gpu::GpuError;
+        use shell::ShellError;
+        match self {
+            Self::Shell(ShellError::Gpu(error)) => !matches!(error, GpuError::Failed(_)),
+            Self::Shell(_) => true,
+            Self::Scene(_) | Self::Thread(_) => false,
+        }
+    }
+}
+
+/// What is left once the window is closed.
+#[derive(Debug)]
+pub struct Closed {
+    simulation: Option<JoinHandle<Engine>>,
+}
+
+impl Closed {
+    /// What was done to the first lane, and where its scene's meshes are. Waits for the step that is under way.
+    pub fn recording(self) -> Option<(Recording, Place)> {
+        self.simulation?.join().ok()?.recording(0)
+    }
+}
+
 /// Opens scenes as lanes in a window, and returns when it is closed.
 ///
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
-pub fn run(scenes: Vec<Opened>) -> Result<(), AppError> {
+pub fn run(scenes: Vec<Opened>) -> Result<Closed, AppError> {
     let setups: Vec<LaneSetup> = scenes.into_iter().map(|opened| files::dress(opened).into()).collect();
     let setups = if setups.is_empty() { vec![crate::scene::open("sheet")?.into()] } else { setups };
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
@@ -61,11 +93,12 @@ pub fn run(scenes: Vec<Opened>) -> Result<(), AppError> {
     // The thread is there before the window: until that opens, nobody needs to be woken.
     let window = Arc::new(OnceLock::<egui::Context>::new());
     let wake = Arc::clone(&window);
-    let simulation = Simulation::start(engine, move || {
+    let mut simulation = Simulation::start(engine, move || {
         if let Some(context) = wake.get() {
             context.request_repaint();
         }
     })?;
+    let closed = Closed { simulation: simulation.thread() };
     let mut session = Session::new(Link::Thread(simulation), state, setups);
     session.start();
     let file = Preferences::file();
@@ -79,5 +112,5 @@ pub fn run(scenes: Vec<Opened>) -> Result<(), AppError> {
         workbench.attach(stage);
         workbench
     })?;
-    Ok(())
+    Ok(closed)
 }

@@ -5,6 +5,7 @@ use std::{
         Arc, Mutex, PoisonError,
         mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel},
     },
+    thread::JoinHandle,
     time::{Duration, Instant},
 };
 
@@ -16,6 +17,7 @@ pub struct Simulation {
     orders: Sender<Order>,
     sent: u64,
     state: Arc<Mutex<Arc<State>>>,
+    thread: Option<JoinHandle<Engine>>,
 }
 
 /// Pictures of the state at most this often; more would only be copied, never seen.
@@ -30,10 +32,16 @@ impl Simulation {
         let (orders, inbox) = channel();
         let state = Arc::new(Mutex::new(Arc::new(engine.state())));
         let outbox = Arc::clone(&state);
-        std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
+        let thread = std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
             run(&mut engine, &inbox, &outbox, wake);
+            engine
         })?;
-        Ok(Self { orders, sent: 0, state })
+        Ok(Self { orders, sent: 0, state, thread: Some(thread) })
+    }
+
+    /// The thread, the first time: it ends once this is dropped, and gives the engine back.
+    pub fn thread(&mut self) -> Option<JoinHandle<Engine>> {
+        self.thread.take()
     }
 
     /// Sends an order. It is taken between two steps.

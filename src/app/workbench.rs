@@ -99,6 +99,11 @@ impl Workbench {
         theme::apply(stage.egui);
     }
 
+    /// Bytes uploaded for the last picture.
+    pub fn uploaded(&self) -> u64 {
+        self.drawing.as_ref().map_or(0, |(drawing, _)| drawing.uploaded())
+    }
+
     /// One frame of panels and input.
     pub fn ui(&mut self, ui: &mut Ui) {
         let was_open = self.session.opening().is_some();
@@ -149,7 +154,7 @@ impl Workbench {
             });
         });
         egui::Panel::bottom("status").show(ui, |ui| {
-            let uploaded = self.drawing.as_ref().map_or(0, |(drawing, _)| drawing.uploaded());
+            let uploaded = self.uploaded();
             panels::status_ui(ui, &self.session, self.files.loading(), &self.device, uploaded);
         });
         let [left, right, bottom] = self.files.preferences.panels;

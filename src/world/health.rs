@@ -17,14 +17,16 @@ pub enum Health {
     /// Nothing to tell.
     #[default]
     Ok,
-    /// Bounded, but particles shake from step to step: dt is beyond the limit of the current shape.
+    /// Bounded, but not to be trusted.
     Unsettled {
         /// Step at which it was first seen.
         step: u64,
         /// Simulated time of that step, s.
         time: f64,
-        /// A particle that shakes.
+        /// A particle that shakes, else the fastest.
         particle: u32,
+        /// Why.
+        cause: Cause,
     },
     /// Not finite, or with an energy that no force has given it. The state shown is the last good one, one step before.
     Diverged {
@@ -35,6 +37,16 @@ pub enum Health {
         /// The first particle that is not finite, else the fastest.
         particle: u32,
     },
+}
+
+/// Why a simulation that stays bounded is not to be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Cause {
+    /// Particles shake from step to step: dt is beyond the limit of the current shape.
+    Shaking,
+    /// The method did not solve the equations of its step to its tolerance.
+    Unsolved,
 }
 
 impl Health {
@@ -146,7 +158,7 @@ impl Ledger {
 }
 
 /// The first particle that is not finite, else the fastest.
-fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
+pub(super) fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
     let states = || cloth.state.positions.iter().zip(&cloth.state.velocities);
     let finite = |(x, v): (&T::Vec3, &T::Vec3)| x.to_f64().is_finite() && v.to_f64().is_finite();
     let speed = |v: &T::Vec3| v.to_f64().length_squared();

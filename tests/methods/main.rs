@@ -1,0 +1,5 @@
+//! The methods against independent figures: errors, orders, equilibria, energies, extremes.
+
+mod position_based;
+mod promises;
+mod scenes;
