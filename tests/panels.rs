@@ -358,6 +358,23 @@ fn undo_mends_what_has_torn() {
 }
 
 #[test]
+fn undo_of_any_edit_mends_what_has_torn_since() {
+    let mut window = open("(tearing: (enabled: true, max_ratio: 1.9), dt: 0.01)");
+    step(&mut window, 10);
+    set(&mut window, "Gravity magnitude", 20.0);
+    let time = lane(&window, 0).time;
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!((scene(&window).gravity.magnitude, lane(&window, 0).time), (10.0, time));
+    set(&mut window, "Gravity magnitude", 80.0);
+    step(&mut window, 200);
+    assert!(lane(&window, 0).broken > 0);
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!((scene(&window).gravity.magnitude, lane(&window, 0).broken), (10.0, 0));
+    press(&mut window, Modifiers::COMMAND, Key::Y);
+    assert!(lane(&window, 0).broken > 0 && scene(&window).gravity.magnitude == 80.0);
+}
+
+#[test]
 fn a_spring_pulls_instead_of_holding() {
     let mut window = open("(gravity: (enabled: false))");
     click(&mut window, "Pull");

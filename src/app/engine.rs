@@ -34,6 +34,13 @@ const PICTURE: Duration = Duration::from_millis(12);
 /// has the speed of its jump.
 const LINGER: f64 = 0.15;
 
+/// A state of all lanes to exchange with.
+struct Kept {
+    number: u64,
+    torn: Vec<usize>,
+    lanes: Vec<Snapshot>,
+}
+
 /// Runs the lanes.
 pub struct Engine {
     lanes: Vec<Lane>,
@@ -56,7 +63,7 @@ pub struct Engine {
     stale: bool,
     at: Instant,
     /// States to exchange with, by number.
-    kept: VecDeque<(u64, Vec<Snapshot>)>,
+    kept: VecDeque<Kept>,
     /// Particles held hard, and those of them whose hand has moved while no time passed.
     gripped: BTreeSet<u32>,
     posed: BTreeMap<u32, DVec3>,
@@ -160,8 +167,17 @@ impl Engine {
 
     fn open(&mut self, setups: Vec<LaneSetup>) -> Result<(), Refusal> {
         // Built before the old ones go: a refused scene leaves everything as it was.
-        self.lanes = setups.into_iter().map(Lane::open).collect::<Result<_, _>>()?;
+        let open = |setup: LaneSetup| {
+            let title = setup.title.clone();
+            Lane::open(setup).map_err(|refusal| refusal.at(title))
+        };
+        let lanes = setups.into_iter().map(open).collect::<Result<Vec<_>, _>>()?;
+        if lanes.is_empty() {
+            return Err(Refusal::new("there is no scene to open"));
+        }
+        self.lanes = lanes;
         self.reference = 0;
+        self.running = false;
         self.has_jumped();
         Ok(())
     }
@@ -259,24 +275,35 @@ impl Engine {
         self.lanes.iter().map(|lane| lane.world.pinned().len()).sum::<usize>().max(1)
     }
 
+    /// Torn springs of each lane.
+    fn torn(&self) -> Vec<usize> {
+        self.lanes.iter().map(|lane| lane.world.broken().len()).collect()
+    }
+
     fn keep(&mut self, number: u64) {
         let most = (REMEMBERED_PARTICLES / self.particles()).clamp(1, KEPT);
-        self.kept.retain(|(known, _)| *known != number);
-        self.kept.push_back((number, self.lanes.iter().map(|lane| lane.world.snapshot()).collect()));
+        self.kept.retain(|kept| kept.number != number);
+        let lanes = self.lanes.iter().map(|lane| lane.world.snapshot()).collect();
+        self.kept.push_back(Kept { number, torn: self.torn(), lanes });
         while self.kept.len() > most {
             self.kept.pop_front();
         }
     }
 
     fn exchange(&mut self, number: u64, otherwise: &[(Option<usize>, Command)]) -> Result<(), Refusal> {
-        let found =
-            self.kept.iter_mut().find(|(known, then)| *known == number && then.len() == self.lanes.len());
-        let Some((_, then)) = found else {
+        let torn = self.torn();
+        let replaces = |(_, command): &(_, Command)| matches!(command, Command::Set { key, .. } if key.starts_with("target"));
+        let commands_do = !otherwise.is_empty() && !otherwise.iter().any(replaces);
+        let kept =
+            self.kept.iter_mut().find(|kept| kept.number == number && kept.lanes.len() == self.lanes.len());
+        let Some(kept) = kept.filter(|kept| !(commands_do && kept.torn == torn)) else {
             if otherwise.is_empty() {
                 return Err(Refusal::new("the cloth of that moment is no longer remembered"));
             }
             return otherwise.iter().try_for_each(|(lane, command)| self.apply(*lane, command));
         };
+        kept.torn = torn;
+        let then = &mut kept.lanes;
         for (lane, snapshot) in self.lanes.iter_mut().zip(then) {
             let now = lane.world.snapshot();
             lane.restore(snapshot);

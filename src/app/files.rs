@@ -6,7 +6,10 @@ use std::{
 };
 
 use super::{order::Order, preferences::Preferences, session::Session};
-use crate::scene::{self, Opened, Pending, Refusal, Scene, Target};
+use crate::{
+    scene::{self, Mass, Opened, Pending, Refusal, Scene, Target},
+    world::World,
+};
 
 /// Endings of files that can be opened.
 const SCENES: [&str; 1] = ["ron"];
@@ -230,7 +233,44 @@ fn load(name: &str, meshes: &[PathBuf]) -> Result<Opened, Refusal> {
     if let Some(short) = Path::new(&opened.title).file_name() {
         opened.title = short.to_string_lossy().into_owned();
     }
-    Ok(opened)
+    Ok(dress(opened))
+}
+
+/// A mesh that comes without a scene is taken as light cotton, with a step that is stable for it: with the values of the 25 m sheet
+/// a garment would stretch to several times its length.
+pub fn dress(mut opened: Opened) -> Opened {
+    let is_bare = opened.scene == Scene { target: opened.scene.target.clone(), ..Scene::default() };
+    if opened.file.is_some() || !is_bare || !matches!(opened.scene.target, Target::Mesh(_)) {
+        return opened;
+    }
+    let mut scene = Scene { mass: Mass::PerArea(0.2), air_damping: 2e-4, dt: 1e-3, ..opened.scene.clone() };
+    let springs = &mut scene.springs;
+    springs.damping = 1e-3;
+    springs.stretch.stiffness = 50.0;
+    springs.shear.stiffness = 10.0;
+    springs.bend.stiffness = 0.5;
+    let limit = World::new(scene.clone(), opened.place.clone()).ok().and_then(|world| {
+        let masses = scene.mass.of(world.mesh()).ok()?;
+        let weight = scene.gravity.magnitude * masses.iter().sum::<f64>() / masses.len() as f64;
+        let limit = world.dt_limit(&world.spectrum()).filter(|l| *l > 0.0 && l.is_finite())?;
+        Some((limit, weight.max(1e-9)))
+    });
+    // What cannot be built so is opened as it is, and told why.
+    if let Some((limit, weight)) = limit {
+        scene.dt = readable(0.7 * limit.min(0.02));
+        // A wind that lifts it, and does not tear it away.
+        scene.wind.strength = readable(weight);
+        opened.scene = scene;
+    }
+    opened
+}
+
+/// The largest number of one digit that is not above `value`.
+fn readable(value: f64) -> f64 {
+    let power = value.log10().floor();
+    let digit = (value / 10_f64.powf(power) * (1.0 + 1e-9)).floor();
+    // Through text, which has no rounding error.
+    format!("{digit}e{power}").parse().unwrap_or(value)
 }
 
 fn write(scene: &Scene, path: &Path) -> Result<(), Refusal> {
@@ -255,4 +295,31 @@ pub fn proposal(session: &Session) -> PathBuf {
     };
     let folder = folder.filter(|folder| folder.is_absolute()).map(Path::to_owned);
     folder.or_else(|| std::env::current_dir().ok()).unwrap_or_default().join(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_readable() {
+        for (value, expected) in [(0.0123, 0.01), (0.02, 0.02), (0.00056, 0.0005), (0.1, 0.1), (3.9e-5, 3e-5)]
+        {
+            assert_eq!(readable(value), expected);
+        }
+    }
+
+    #[test]
+    fn a_bare_mesh_becomes_cloth_with_a_stable_step() {
+        let plain = scene::open("assets/meshes/cape_mixed.obj").expect("a mesh");
+        let dressed = dress(plain.clone());
+        assert_eq!(dressed.scene.mass, Mass::PerArea(0.2));
+        let world = World::new(dressed.scene.clone(), dressed.place.clone()).expect("a world");
+        let limit = world.dt_limit(&world.spectrum()).expect("a limit");
+        assert!(dressed.scene.dt <= 0.7 * limit);
+        // Whoever has set anything means what he says.
+        let mut set = plain;
+        set.scene.dt = 0.01;
+        assert_eq!(dress(set.clone()).scene, set.scene);
+    }
 }

@@ -85,7 +85,8 @@ impl Closed {
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
 pub fn run(scenes: Vec<Opened>) -> Result<Closed, AppError> {
-    let setups: Vec<LaneSetup> = scenes.into_iter().map(LaneSetup::from).collect();
+    let setups: Vec<LaneSetup> = scenes.into_iter().map(|opened| files::dress(opened).into()).collect();
+    let setups = if setups.is_empty() { vec![crate::scene::open("sheet")?.into()] } else { setups };
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
     let mut engine = Engine::new(setups.clone())?;
     let state = engine.state();

@@ -45,11 +45,12 @@ pub enum Order {
     GoBack(f64),
     /// Remembers the present state of all lanes under a number.
     Keep(u64),
-    /// Goes to a state that was kept, and keeps the present one in its place.
+    /// Goes to a state that was kept, and keeps the present one in its place. Where commands would do, because nothing has torn
+    /// since and the target is the same, they do: time then does not jump.
     Exchange {
         /// Its number.
         number: u64,
-        /// What to do instead where it is no longer remembered: commands to one lane, or to all.
+        /// Commands to one lane, or to all, that lead there too, but for what has torn.
         otherwise: Vec<(Option<usize>, Command)>,
     },
     /// What the surface is to be coloured by.

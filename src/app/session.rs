@@ -150,9 +150,7 @@ impl Session {
     pub fn start(&mut self) {
         let hangs = self.state.lanes.iter().any(|lane| lane.pinned > 0 || !lane.scene.gravity.enabled);
         if !hangs {
-            self.message = Some(
-                "paused, because nothing is pinned: select particles, P pins them, Space runs".to_owned(),
-            );
+            self.message = Some("nothing is pinned: select particles, P pins them, Space runs".to_owned());
         }
         self.run(hangs);
     }
@@ -233,8 +231,9 @@ impl Session {
         let redo: Vec<_> = changes.iter().map(|(key, value, _)| (only, set(key, value))).collect();
         let undo: Vec<_> = changes.iter().rev().map(|(key, _, before)| (only, set(key, before))).collect();
         let apply = |(lane, command)| Order::Apply(lane, command);
-        // What tears, or is replaced, is not brought back by a setting, but with the state.
-        let loses = changes.iter().any(|(key, ..)| key.starts_with("tearing") || key.starts_with("target"));
+        // What has torn, or was replaced, is not brought back by a setting, but with the state.
+        let tears = draft.tearing.enabled || self.scene().tearing.enabled;
+        let loses = tears || changes.iter().any(|(key, ..)| key.starts_with("target"));
         let grows = self.history.is_growing(label, only);
         let (undo, redo_orders) = if loses && !grows {
             self.kept += 1;

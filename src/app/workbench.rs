@@ -122,7 +122,12 @@ impl Workbench {
             }
         }
         let dark = self.style.theme == Theme::Dark;
-        ui.ctx().set_theme(if dark { egui::Theme::Dark } else { egui::Theme::Light });
+        let wanted = if dark { egui::Theme::Dark } else { egui::Theme::Light };
+        if ui.ctx().theme() != wanted {
+            ui.ctx().set_theme(wanted);
+            // What was laid out before has the old colours.
+            ui.ctx().request_repaint();
+        }
         self.panels_ui(ui);
         self.session.want(match () {
             () if self.by_distance() => Values::Distance,
@@ -304,7 +309,7 @@ impl Workbench {
                 *used = if used == tool { Tool::Move } else { *tool };
             }
             Action::Grip => session.grip.soft = !session.grip.soft,
-            Action::AddLane => session.add_lane(None),
+            Action::AddLane(method) => session.add_lane(*method),
             Action::Theme => {
                 self.style.theme = if self.style.theme == Theme::Dark { Theme::Light } else { Theme::Dark };
             }

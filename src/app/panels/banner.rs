@@ -2,6 +2,7 @@
 
 use egui::{Color32, Frame, RichText, Ui};
 
+use super::health::three;
 use crate::{
     app::{
         engine::{LaneState, Order},
@@ -23,13 +24,13 @@ pub fn banner_ui(ui: &mut Ui, session: &mut Session) {
     let lane = lanes[number].clone();
     let only = (lanes.len() > 1).then_some(number);
     let Health::Diverged { time, particle, .. } = lane.health else { return };
+    // The first frame only finds out how high it is, and while nothing moves there would be no other.
+    ui.ctx().request_repaint_after(std::time::Duration::from_millis(150));
     let fill =
         if ui.visuals().dark_mode { Color32::from_rgb(74, 30, 32) } else { Color32::from_rgb(255, 222, 218) };
-    egui::Panel::top("banner").frame(Frame::new().fill(fill).inner_margin(8)).show(ui, |ui| {
-        let whose = only.map_or(String::new(), |lane| format!("Lane {}: ", lane + 1));
-        let text = format!(
-            "{whose}diverged at t = {time:.3} s, particle {particle}. Paused at the last good state."
-        );
+    egui::Panel::top("banner").min_size(92.0).frame(Frame::new().fill(fill).inner_margin(8)).show(ui, |ui| {
+        let whose = only.map_or("Diverged".to_owned(), |lane| format!("Lane {} diverged", lane + 1));
+        let text = format!("{whose} at t = {time:.3} s, particle {particle}. Paused at the last good state.");
         ui.label(RichText::new(text).strong());
         ui.label(cause(&lane));
         ui.horizontal_wrapped(|ui| {
@@ -77,14 +78,16 @@ fn cause(lane: &LaneState) -> String {
             format!("{method} is stable at no step here: choose another method, or more damping.")
         }
         Some(limit) if dt > limit => format!(
-            "dt {} s is {:.2} x the stability limit {limit:.4} s of {method} in this shape: stiffer springs or lighter particles ask for shorter steps.",
-            Short(dt),
-            dt / limit
-        ),
-        Some(limit) => format!(
-            "dt {} s is {:.2} x the stability limit {limit:.4} s: a sudden pull, or springs far from their length (largest strain {:.0} %), ask for shorter steps than theory does for small motions.",
+            "dt {} s is {:.2} x the stability limit {} s of {method} in this shape: stiffer springs or lighter particles ask for shorter steps.",
             Short(dt),
             dt / limit,
+            three(limit)
+        ),
+        Some(limit) => format!(
+            "dt {} s is {:.2} x the stability limit {} s: a sudden pull, or springs far from their length (largest strain {:.0} %), ask for shorter steps than theory does for small motions.",
+            Short(dt),
+            dt / limit,
+            three(limit),
             100.0 * lane.measures.max_strain
         ),
         None => format!(

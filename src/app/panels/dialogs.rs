@@ -48,7 +48,8 @@ pub fn dialog_ui(
 ) -> Option<Next> {
     let mut asked = ask.take()?;
     let mut next = None;
-    let modal = Modal::new(egui::Id::unique("question")).show(ctx, |ui| {
+    let frame = egui::Frame::popup(&ctx.global_style()).inner_margin(16);
+    let modal = Modal::new(egui::Id::unique("question")).frame(frame).show(ctx, |ui| {
         ui.set_width(460.0);
         match &mut asked {
             Ask::Open(path) => {
@@ -136,10 +137,10 @@ fn path_ui(
         let width = ui.available_width() - 90.0;
         let field = ui.add(TextEdit::singleline(path).desired_width(width).hint_text("path"));
         field.widget_info(|| WidgetInfo::text_edit(true, "", path.as_str(), ""));
-        if ui.memory(|memory| memory.focused().is_none()) {
+        let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+        if !entered && ui.memory(|memory| memory.focused().is_none()) {
             field.request_focus();
         }
-        let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let browse = ui.add_enabled(!files.is_picking(), egui::Button::new("Browse…"));
         if browse.on_hover_text("The system's file dialog, where it has one").clicked() {
             files.pick(purpose, &PathBuf::from(path.as_str()));

@@ -89,6 +89,11 @@ fn plot(ui: &mut Ui, name: &str, samples: &[&Sample], series: &[Series]) {
     shown.response.widget_info(|| WidgetInfo::labeled(egui::Role::Label, true, name));
 }
 
+/// Three digits.
+pub fn three(value: f64) -> crate::params::Short {
+    crate::params::Short(format!("{value:.2e}").parse().unwrap_or(value))
+}
+
 /// At most six letters: the axis is narrow.
 fn short(value: f64) -> String {
     let size = value.abs();
@@ -120,7 +125,10 @@ fn gauge(ui: &mut Ui, lane: &LaneState) {
         None => (0.0, format!("dt {dt} s: this method has no stability limit")),
         Some(limit) if limit > 0.0 => {
             let part = dt / limit;
-            (part as f32, format!("dt {dt} s is {:.0} % of the stability limit {limit:.4} s", 100.0 * part))
+            (
+                part as f32,
+                format!("dt {dt} s is {:.0} % of the stability limit {} s", 100.0 * part, three(limit)),
+            )
         }
         Some(_) => (f32::INFINITY, format!("dt {dt} s: this method is stable at no dt here")),
     };

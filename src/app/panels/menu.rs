@@ -2,7 +2,11 @@
 
 use egui::{Button, Key, KeyboardShortcut, Modifiers, Ui};
 
-use crate::app::{camera::Side, files::Files, hands::Tool, session::Session};
+use super::simulation::title;
+use crate::{
+    app::{camera::Side, files::Files, hands::Tool, session::Session},
+    simulators,
+};
 
 /// What the user can ask for by menu, key or button.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,7 +36,7 @@ pub enum Action {
     Projection,
     Use(Tool),
     Grip,
-    AddLane,
+    AddLane(Option<&'static str>),
     Theme,
     Help,
 }
@@ -52,7 +56,7 @@ pub const KEYS: &[(Modifiers, Key, Action, &str)] = &[
     (CTRL, Key::Z, Action::Undo, "Undo"),
     (CTRL, Key::Y, Action::Redo, "Redo"),
     (CTRL, Key::A, Action::SelectAll, "Select all particles"),
-    (CTRL, Key::L, Action::AddLane, "Add a lane like this one"),
+    (CTRL, Key::L, Action::AddLane(None), "Add a lane like this one"),
     (NONE, Key::Space, Action::Run, "Run or pause"),
     (NONE, Key::Period, Action::Step, "One step"),
     (NONE, Key::R, Action::Reset, "Back to the start of the scene"),
@@ -162,7 +166,12 @@ pub fn menu_ui(ui: &mut Ui, session: &Session, files: &Files) -> Option<Action> 
         entry(ui, "Dark / light", Action::Theme, true);
     });
     ui.menu_button("Lanes", |ui| {
-        entry(ui, "Add a lane like this one", Action::AddLane, true);
+        entry(ui, "Add a lane like this one", Action::AddLane(None), true);
+        ui.separator();
+        for method in simulators::ALL {
+            let name = format!("Add {}", title(method.id));
+            entry(ui, &name, Action::AddLane(Some(method.id)), true);
+        }
     });
     ui.menu_button("Help", |ui| {
         entry(ui, "Keys and mouse", Action::Help, true);

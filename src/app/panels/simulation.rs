@@ -107,6 +107,10 @@ fn method_ui(ui: &mut Ui, session: &Session) -> Changes {
 /// `symplectic_euler` becomes `Symplectic Euler`.
 pub fn title(id: &str) -> String {
     let words = id.split('_').map(|word| {
+        // Abbreviations, as in rk4.
+        if word.ends_with(|c: char| c.is_ascii_digit()) {
+            return word.to_uppercase();
+        }
         let mut word = word.to_owned();
         if let Some(first) = word.get_mut(..1) {
             first.make_ascii_uppercase();

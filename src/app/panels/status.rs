@@ -13,7 +13,7 @@ pub fn status_ui(ui: &mut Ui, session: &Session, busy: Option<&str>, device: &st
         ui.spacing_mut().item_spacing.x = 14.0;
         let springs: usize = lane.geometry.springs.iter().map(Vec::len).sum();
         ui.label(format!("{} particles · {springs} springs", lane.positions.len()));
-        ui.label(RichText::new(format!("t = {:7.2} s", lane.time)).monospace())
+        ui.label(RichText::new(format!("t = {:<9}", format!("{:.2} s", lane.time))).monospace())
             .on_hover_text("Simulated time");
         match (state.running, state.pace) {
             (false, _) => ui.label("paused"),
