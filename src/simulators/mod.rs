@@ -5,8 +5,11 @@
 //! method must carry from step to step stands in the [`Memory`](crate::model::Memory) of the state, which the caller
 //! empties when method, dt, springs or pins change, and which travels with every snapshot.
 
+mod blocks;
 mod colouring;
+mod conjugate_gradients;
 mod inertia;
+mod newton;
 mod registry;
 mod settings;
 
@@ -21,6 +24,9 @@ use crate::params::Params;
 registry::registry! {
     explicit_euler::ExplicitEuler,
     symplectic_euler::SymplecticEuler,
+    implicit_euler::ImplicitEuler,
+    implicit_midpoint::ImplicitMidpoint,
+    bdf2::Bdf2,
     verlet::Verlet,
     xpbd::Xpbd,
 }

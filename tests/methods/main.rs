@@ -1,5 +1,7 @@
 //! The methods against independent figures: errors, orders, equilibria, energies, extremes.
 
+mod extremes;
+mod implicit;
 mod position_based;
 mod promises;
 mod scenes;
