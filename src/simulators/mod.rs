@@ -29,6 +29,7 @@ registry::registry! {
     bdf2::Bdf2,
     verlet::Verlet,
     xpbd::Xpbd,
+    vbd::Vbd,
 }
 
 /// A method: its parameters are the fields of the type (declared with [`params!`](crate::params!)), its update is
