@@ -59,8 +59,8 @@ pub trait Vector:
     fn length(self) -> Self::Scalar;
     /// Scalar product.
     fn dot(self, other: Self) -> Self::Scalar;
-    /// Vector product.
-    fn cross(self, other: Self) -> Self;
+    /// The vector of three components.
+    fn from_array(components: [Self::Scalar; 3]) -> Self;
     /// The components.
     fn to_array(self) -> [Self::Scalar; 3];
     /// The nearest vector of this precision.
@@ -98,8 +98,8 @@ macro_rules! precision {
                 <$vec>::dot(self, other)
             }
             #[inline]
-            fn cross(self, other: Self) -> Self {
-                <$vec>::cross(self, other)
+            fn from_array(components: [$real; 3]) -> Self {
+                <$vec>::from_array(components)
             }
             #[inline]
             fn to_array(self) -> [$real; 3] {

@@ -34,8 +34,7 @@ pub struct Cost {
 impl Cost {
     /// Books what a solver left of its equations at the end of a step, in units of its tolerance.
     pub fn solved(&mut self, residual: f64) {
-        // Written so that NaN counts as not solved.
-        self.unsolved_steps += u64::from(!(residual <= 1.0));
+        self.unsolved_steps += u64::from(residual.is_nan() || residual > 1.0);
         self.residual = self.residual.max(residual);
     }
 }

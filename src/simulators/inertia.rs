@@ -61,3 +61,18 @@ impl<T: Real> Inertia<T> {
         shift
     }
 }
+
+/// v = (x - start) / h, for methods that find positions; a particle that is pinned or held keeps its velocity.
+pub(super) fn velocities_of_the_way<T: Real>(
+    start: &[T::Vec3],
+    state: &mut Particles<T>,
+    h: T,
+    inverse_mass: &[T],
+) {
+    let ways = state.positions.iter().zip(start).zip(inverse_mass);
+    for (v, ((&x, &start), &w)) in state.velocities.iter_mut().zip(ways) {
+        if w > T::ZERO {
+            *v = (x - start) * (T::ONE / h);
+        }
+    }
+}

@@ -5,8 +5,11 @@
 //! method must carry from step to step stands in the [`Memory`](crate::model::Memory) of the state, which the caller
 //! empties when method, dt, springs or pins change, and which travels with every snapshot.
 
+mod blocks;
 mod colouring;
+mod conjugate_gradients;
 mod inertia;
+mod newton;
 mod region;
 mod registry;
 mod settings;
@@ -24,8 +27,12 @@ registry::registry! {
     symplectic_euler::SymplecticEuler,
     velocity_verlet::VelocityVerlet,
     rk4::Rk4,
+    implicit_euler::ImplicitEuler,
+    implicit_midpoint::ImplicitMidpoint,
+    bdf2::Bdf2,
     verlet::Verlet,
     xpbd::Xpbd,
+    vbd::Vbd,
 }
 
 /// A method: its parameters are the fields of the type (declared with [`params!`](crate::params!)), its update is

@@ -15,6 +15,7 @@
 //! a matter of dt and sweeps. Any dt stays bounded. A sweep costs about one force evaluation.
 
 use super::colouring::ColouredSprings;
+use super::inertia::velocities_of_the_way;
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::{Real, Vector};
@@ -123,9 +124,7 @@ impl Simulator for Verlet {
             }
             cost.spring_visits += problem.springs.len() as u64;
         }
-        for ((v, x), start) in state.velocities.iter_mut().zip(&state.positions).zip(&*start) {
-            *v = (*x - *start) * (T::ONE / dt);
-        }
+        velocities_of_the_way(start, state, dt, &problem.inverse_mass);
     }
 
     /// Relaxation only ever shortens errors of length, so theory sets no limit.

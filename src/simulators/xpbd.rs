@@ -16,7 +16,7 @@
 //! cloth within a fixed budget, where an explicit method would need a smaller dt than the budget allows.
 
 use super::colouring::ColouredSprings;
-use super::inertia::Inertia;
+use super::inertia::{Inertia, velocities_of_the_way};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::{Real, Vector};
@@ -147,11 +147,6 @@ impl Xpbd {
         }
         cost.solver_iterations += u64::from(self.iterations);
         cost.spring_visits += u64::from(self.iterations) * springs.pairs.len() as u64;
-        let moved = state.positions.iter().zip(&*start).zip(&inertia.inverse);
-        for (v, ((&x, &start), &w)) in state.velocities.iter_mut().zip(moved) {
-            if w > T::ZERO {
-                *v = (x - start) * (T::ONE / h);
-            }
-        }
+        velocities_of_the_way(start, state, h, &inertia.inverse);
     }
 }

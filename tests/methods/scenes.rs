@@ -137,14 +137,15 @@ impl Reference {
         forces
     }
 
-    /// Positions after `seconds` in `steps` steps from rest.
-    pub fn after(&self, seconds: f64, steps: u32) -> Vec<DVec3> {
+    /// Positions at even times up to `seconds`, in `steps` steps from rest.
+    pub fn samples(&self, seconds: f64, samples: u32, steps: u32) -> Vec<Vec<DVec3>> {
         let dt = seconds / f64::from(steps);
         let (mut x, mut v) = (self.positions.clone(), vec![DVec3::ZERO; self.positions.len()]);
         let moved = |a: &[DVec3], b: &[DVec3], h: f64| -> Vec<DVec3> {
             a.iter().zip(b).map(|(a, b)| *a + *b * h).collect()
         };
-        for _ in 0..steps {
+        let mut seen = Vec::new();
+        for step in 1..=steps {
             let acceleration = |x: &[DVec3], v: &[DVec3]| -> Vec<DVec3> {
                 self.forces(x, v).iter().map(|f| *f / self.mass).collect()
             };
@@ -159,24 +160,51 @@ impl Reference {
                 x[i] += (v1[i] + (v2[i] + v3[i]) * 2.0 + v4[i]) * (dt / 6.0);
                 v[i] += (a1[i] + (a2[i] + a3[i]) * 2.0 + a4[i]) * (dt / 6.0);
             }
+            if step % (steps / samples) == 0 {
+                seen.push(x.clone());
+            }
         }
-        x
+        seen
     }
 }
 
-/// W1 at its end, to 1e-9 of the way.
-pub fn w1_reference() -> &'static [DVec3] {
-    static POSITIONS: OnceLock<Vec<DVec3>> = OnceLock::new();
-    POSITIONS.get_or_init(|| Reference::new(&scene(W1, &[])).after(T, 1600))
+/// How often W1 is looked at while it falls.
+const SAMPLES: u32 = 5;
+
+/// W1 in even samples over its fall, to 1e-9 of the way.
+fn w1_reference() -> &'static [Vec<DVec3>] {
+    static POSITIONS: OnceLock<Vec<Vec<DVec3>>> = OnceLock::new();
+    POSITIONS.get_or_init(|| Reference::new(&scene(W1, &[])).samples(T, SAMPLES, 1600))
 }
 
-/// Relative error of a method on W1 in some number of steps.
+/// Error of a method on W1 in some number of steps: RMS over particles and samples, over that of the way from the start.
 pub fn w1_error(method: &str, steps: u64) -> f64 {
     let mut world = world(W1, method, &[&format!("dt={}", T / steps as f64)]);
     let start = world.positions();
-    world = run(world, steps);
-    assert!((world.time() - T).abs() < 1e-12);
-    rms(&world, &world.positions(), w1_reference()) / rms(&world, w1_reference(), &start)
+    let (mut error, mut way) = (0.0, 0.0);
+    for sample in w1_reference() {
+        world = run(world, steps / u64::from(SAMPLES));
+        error += rms(&world, &world.positions(), sample).powi(2);
+        way += rms(&world, sample, &start).powi(2);
+    }
+    (error / way).sqrt()
+}
+
+/// Observed orders of a method on damped W1 (k_d = 0.02, a quarter of a second) over some halvings of dt.
+pub fn halvings(method: &str, first: u64, halvings: u32) -> Vec<f64> {
+    static TRUTH: OnceLock<Vec<DVec3>> = OnceLock::new();
+    let damped = ["springs.damping=0.02"];
+    let seconds = T / 2.0;
+    let truth = TRUTH.get_or_init(|| Reference::new(&scene(W1, &damped)).samples(seconds, 1, 1600).remove(0));
+    let errors: Vec<f64> = (0..=halvings)
+        .map(|halving| {
+            let steps = first << halving;
+            let world = world(W1, method, &[damped[0], &format!("dt={}", seconds / steps as f64)]);
+            let world = run(world, steps);
+            rms(&world, &world.positions(), truth)
+        })
+        .collect();
+    errors.windows(2).map(|pair| (pair[0] / pair[1]).log2()).collect()
 }
 
 /// Asserts that a figure lies within a share of what is expected.
