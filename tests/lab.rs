@@ -1,11 +1,13 @@
 //! The lab against independent numbers: errors, orders, energy, stability, ablation, advice. Counts and errors, never time.
 
 use glam::DVec3;
+use tenter::forces::Spectrum;
 use tenter::forces::gravity::Gravity;
 use tenter::forces::springs::SpringParams;
+use tenter::forces::wind::Wind;
 use tenter::lab::reference::References;
 use tenter::lab::trial::Zone;
-use tenter::lab::{Case, Event, Journal, Settings, stability, trade};
+use tenter::lab::{Case, Event, Journal, Settings, ablation, advice, metrics, stability, trade, trial};
 use tenter::scene::{self, GridTarget, Mass, Pin, Pins, Place, Plane, Precision, Scene, Target};
 use tenter::simulators::{SimulatorSettings, Value};
 use tenter::world::World;
@@ -243,5 +245,112 @@ fn the_unsettled_band_lies_where_an_independent_implementation_has_it() {
         (0.02, 1800.0, Zone::Diverged),
     ] {
         assert_eq!(zone(dt, stiffness), expected, "dt {dt}, k {stiffness}");
+    }
+}
+
+fn advised(case: &Case, wanted: f64, references: &References) -> advice::Advice {
+    let goal = advice::Goal::MaxError(wanted);
+    let options = advice::Options { simulators: Vec::new(), goal, time: false };
+    advice::run(case, &options, references, &Journal::new(), &on).expect("advice")
+}
+
+/// Ten small scenes, each with an error that is asked for, m.
+fn ten() -> Vec<(&'static str, Scene, f64)> {
+    let small = |columns, rows| Target::Grid(GridTarget { columns, rows, ..GridTarget::default() });
+    let stiff = |scene: Scene, factor: f64| {
+        let mut scene = scene;
+        for kind in [&mut scene.springs.stretch, &mut scene.springs.shear, &mut scene.springs.bend] {
+            kind.stiffness *= factor;
+        }
+        scene
+    };
+    let windy = Wind { enabled: true, ..Wind::default() };
+    let sheet = Scene { target: small(8, 8), ..Scene::default() };
+    let cylinder = scene::builtin::find("cylinder").expect("built in").make;
+    vec![
+        ("sheet, rough", sheet.clone(), 0.05),
+        ("sheet, fine", sheet.clone(), 1e-4),
+        ("sheet, finer", sheet.clone(), 1e-7),
+        ("W1, rough", w1(), 3e-3),
+        ("W1, fine", w1(), 1e-5),
+        ("soft", stiff(sheet.clone(), 0.05), 1e-3),
+        ("stiff", stiff(sheet.clone(), 20.0), 1e-3),
+        ("wind", Scene { wind: windy, ..sheet }, 1e-2),
+        ("corner", corner(20.0, 1.0), 1e-3),
+        ("cylinder", cylinder(), 1e-3),
+    ]
+}
+
+#[test]
+fn advice_costs_little_more_than_the_best_of_a_brute_force_search() {
+    for (name, scene, wanted) in ten() {
+        let case = case(scene, 0.4);
+        let references = References::default();
+        let advice = advised(&case, wanted, &references);
+        assert!(advice.met && advice.error.expect("an error") <= wanted, "{name} {advice:?}");
+        assert!(advice.quiet_seconds > 50.0 && advice.trials < 40, "{name} {advice:?}");
+        let reference = references.of(&case, &on).expect("a reference");
+        let free = case.free();
+        let (problem, state) = case.start().problem(case.scene()).expect("a problem");
+        let spectrum = Spectrum::of(&problem, &state);
+        for simulator in ["symplectic_euler", "velocity_verlet", "rk4"] {
+            let mut steps = 5;
+            loop {
+                let own = Settings::double(simulator, case.dt(steps));
+                let trial = trial::run_scene(&case, own.apply(case.scene()), &on).expect("a trial");
+                if trial.cost.spring_visits as f64 / case.seconds > advice.spring_visits / 1.2 {
+                    break;
+                }
+                // Advice keeps a tenth in hand to the limit of stability.
+                let limit = trade::theory(&own, &spectrum).expect("a method").expect("a limit");
+                let error = metrics::errors(&free, &reference, &trial.samples).map(|e| e.rms);
+                if own.dt <= 0.9 * limit
+                    && Zone::from(trial.health) == Zone::Quiet
+                    && error.is_some_and(|e| e <= wanted)
+                {
+                    let zone = stability::zone(&case.lasting(60.0), own.apply(case.scene()), &on);
+                    assert_ne!(
+                        zone.expect("a zone"),
+                        Zone::Quiet,
+                        "{name}: {own:?} is cheaper than {advice:?}"
+                    );
+                }
+                steps = (steps + 5).max(steps * 21 / 20 / 5 * 5);
+            }
+        }
+    }
+}
+
+#[test]
+fn advice_says_when_nothing_meets_it_and_what_comes_closest() {
+    let goal = advice::Goal::MaxError(1e-6);
+    let options = advice::Options { simulators: vec!["verlet".to_owned()], goal, time: false };
+    let (case, references) = (case(w1(), 0.2), References::default());
+    let advice = advice::run(&case, &options, &references, &Journal::new(), &on).expect("advice");
+    assert!(!advice.met && advice.error.expect("the closest") > 1e-6, "{advice:?}");
+    let goal = advice::Goal::MaxError(1e-15);
+    let too_fine = advice::Options { goal, ..options };
+    assert!(advice::run(&case, &too_fine, &references, &Journal::new(), &on).is_err());
+}
+
+#[test]
+fn ablation_finds_what_a_scene_needs_and_what_not_and_verifies_it() {
+    for name in ["sheet", "symplectic_holds", "verlet_2_sweeps", "tearing", "cylinder"] {
+        let case = case((scene::builtin::find(name).expect("built in").make)(), 1.0);
+        let options = ablation::Options { tolerance: 0.01, time: false };
+        let table = ablation::run(&case, &options, &Journal::new(), &on).expect("a table");
+        let changes: Vec<f64> = table.rows.iter().map(|row| row.change.unwrap_or(f64::INFINITY)).collect();
+        assert!(changes.is_sorted_by(|a, b| a >= b), "{name} {changes:?}");
+        assert!(
+            table.rows.iter().any(|row| row.needed) && table.rows.iter().any(|row| !row.needed),
+            "{name}"
+        );
+        let proposal = table.proposal.expect("a proposal");
+        assert!(proposal.change <= 0.01, "{name} {proposal:?}");
+        let scene = proposal
+            .leave_out
+            .iter()
+            .fold(case.scene().clone(), |scene, ingredient| ablation::without(&case, &scene, ingredient));
+        assert_ne!(&scene, case.scene());
     }
 }

@@ -91,6 +91,12 @@ impl Case {
         Self { start: Arc::new(start), ..self.clone() }
     }
 
+    /// The same over another time (s).
+    #[must_use]
+    pub fn lasting(&self, seconds: f64) -> Self {
+        Self { seconds, ..self.clone() }
+    }
+
     /// The scene as it stands.
     pub fn scene(&self) -> &Scene {
         self.start.scene()

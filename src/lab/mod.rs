@@ -8,8 +8,8 @@
 //! Two kinds of error are never mixed: that of the time stepping (against the converged solution) and that of the model
 //! (with an ingredient left out). Work is told in counts first, which are the same on every machine, then in time.
 
-//pub mod ablation;
-//pub mod advice;
+pub mod ablation;
+pub mod advice;
 mod case;
 pub mod equilibrium;
 pub mod journal;

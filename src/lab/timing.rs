@@ -1,6 +1,7 @@
 //! Measured time: interleaved, warmed runs on one thread, with nothing else of ours going on.
 
 use super::{Case, Event, Progress, Settings, Stop};
+use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -53,19 +54,28 @@ const ROUND: f64 = 0.01;
 /// # Errors
 /// Settings that cannot be run; a listener that stops it.
 pub fn measure(case: &Case, settings: &[Settings], progress: Progress) -> Result<Vec<Option<Time>>, Stop> {
+    let scenes: Vec<Scene> = settings.iter().map(|own| own.apply(case.scene())).collect();
+    measure_scenes(case, &scenes, progress)
+}
+
+/// The same for edited scenes.
+///
+/// # Errors
+/// Those of [`measure`].
+pub fn measure_scenes(case: &Case, scenes: &[Scene], progress: Progress) -> Result<Vec<Option<Time>>, Stop> {
     progress(Event::Stage("time"));
-    let mut rounds: Vec<Vec<f64>> = vec![Vec::new(); settings.len()];
-    let mut burst = vec![false; settings.len()];
-    let mut counts = vec![0u64; settings.len()];
+    let mut rounds: Vec<Vec<f64>> = vec![Vec::new(); scenes.len()];
+    let mut burst = vec![false; scenes.len()];
+    let mut counts = vec![0u64; scenes.len()];
     for round in 0..=ROUNDS {
-        for (i, own) in settings.iter().enumerate() {
+        for (i, own) in scenes.iter().enumerate() {
             if !progress(Event::Alive) {
                 return Err(Stop::Cancelled);
             }
             if burst[i] {
                 continue;
             }
-            let mut world = case.world(own.apply(case.scene()))?;
+            let mut world = case.world(own.clone())?;
             let most = case.steps(own.dt);
             let start = Instant::now();
             if round == 0 {
