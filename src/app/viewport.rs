@@ -200,7 +200,12 @@ fn divide(rect: egui::Rect, tiles: usize) -> Vec<egui::Rect> {
     let rows = tiles.div_ceil(columns);
     let size = egui::vec2(rect.width() / columns as f32, rect.height() / rows as f32);
     let at = |i: usize| egui::vec2((i % columns) as f32 * size.x, (i / columns) as f32 * size.y);
-    (0..tiles).map(|i| egui::Rect::from_min_size(rect.min + at(i), size)).collect()
+    let mut rects: Vec<_> = (0..tiles).map(|i| egui::Rect::from_min_size(rect.min + at(i), size)).collect();
+    if let Some(last) = rects.last_mut() {
+        // What is left of the last row belongs to its last tile.
+        last.max = rect.max;
+    }
+    rects
 }
 
 /// The device's side of the viewports: pipelines, and one view for each tile.
