@@ -30,6 +30,7 @@ registry::registry! {
     verlet::Verlet,
     xpbd::Xpbd,
     vbd::Vbd,
+    projective_dynamics::ProjectiveDynamics,
 }
 
 /// A method: its parameters are the fields of the type (declared with [`params!`](crate::params!)), its update is
