@@ -31,6 +31,7 @@ registry::registry! {
     xpbd::Xpbd,
     vbd::Vbd,
     projective_dynamics::ProjectiveDynamics,
+    rk45::Rk45,
 }
 
 /// A method: its parameters are the fields of the type (declared with [`params!`](crate::params!)), its update is

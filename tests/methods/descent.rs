@@ -4,7 +4,7 @@ use super::scenes::{W1, near, rms, run, w1_error, world};
 
 #[test]
 fn many_iterations_are_implicit_euler() {
-    for method in ["vbd(iterations=300)", "projective_dynamics(iterations=100)"] {
+    for method in ["vbd(iterations=100)", "projective_dynamics(iterations=60)"] {
         near(method, w1_error(method, 120), 1.62e-2, 0.01);
     }
 }
