@@ -5,6 +5,7 @@
 pub mod app;
 pub mod cli;
 pub mod forces;
+pub mod lab;
 pub mod math;
 pub mod model;
 pub mod params;

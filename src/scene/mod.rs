@@ -3,11 +3,13 @@
 pub mod builtin;
 mod mass;
 mod open;
+mod pending;
 mod pins;
 mod target;
 
 pub use mass::Mass;
 pub use open::{Opened, Place, open, read_limited};
+pub use pending::Pending;
 pub use pins::{Pin, Pins};
 pub use target::{Built, GridTarget, MeshTarget, Plane, Target};
 

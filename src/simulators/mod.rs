@@ -10,6 +10,7 @@ mod colouring;
 mod conjugate_gradients;
 mod inertia;
 mod newton;
+mod region;
 mod registry;
 mod settings;
 
@@ -24,6 +25,8 @@ use crate::params::Params;
 registry::registry! {
     explicit_euler::ExplicitEuler,
     symplectic_euler::SymplecticEuler,
+    velocity_verlet::VelocityVerlet,
+    rk4::Rk4,
     implicit_euler::ImplicitEuler,
     implicit_midpoint::ImplicitMidpoint,
     bdf2::Bdf2,

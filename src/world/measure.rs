@@ -36,6 +36,10 @@ pub struct Measures {
     pub max_strain: f64,
     /// Mean |d|/L - 1 over the springs that act.
     pub mean_strain: f64,
+    /// Power that damping takes out: Σ c |v|² over the particles and Σ k_d |Δv|² over the springs that act, W.
+    pub dissipation: f64,
+    /// Power of the wind on the particles that can move, W.
+    pub wind_power: f64,
 }
 
 impl Measures {
@@ -43,12 +47,22 @@ impl Measures {
     pub fn of<T: Real>(problem: &Problem<T>, state: &Particles<T>) -> Self {
         let mut measures = Self::default();
         let gravity = problem.gravity.unwrap_or_default();
+        let wind = problem.wind.as_ref().map_or(DVec3::ZERO, |w| w.force(state.time));
         for ((m, x), v) in problem.mass.iter().zip(&state.positions).zip(&state.velocities) {
             let (m, x, v) = (m.to_f64(), x.to_f64(), v.to_f64());
             measures.energy.kinetic += 0.5 * m * v.length_squared();
             measures.energy.gravitational -= m * gravity.dot(x);
             measures.momentum += v * m;
             measures.angular_momentum += x.cross(v) * m;
+            measures.dissipation += problem.air_damping.to_f64() * v.length_squared();
+            measures.wind_power += wind.dot(v);
+        }
+        if problem.spring_damping > T::ZERO {
+            let k_d = problem.spring_damping.to_f64();
+            for pair in &problem.springs.pairs {
+                let [i, j] = pair.map(|p| state.velocities[p as usize].to_f64());
+                measures.dissipation += k_d * (j - i).length_squared();
+            }
         }
         let (mut sum, mut counted) = (0.0, 0u64);
         let mut largest = f64::NEG_INFINITY;

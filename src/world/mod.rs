@@ -1,5 +1,6 @@
 //! A running simulation: it owns the state, applies commands, steps, tears, and watches its own health.
 
+mod branch;
 mod clock;
 mod cloth;
 mod command;

@@ -1,0 +1,126 @@
+//! One run: a scene from the case's start over its time, sampled at equally spaced times, with its work and its health.
+
+use super::{Case, Event, Progress, Settings, Stop};
+use crate::forces::Cost;
+use crate::scene::Scene;
+use crate::world::{Health, Measures, World};
+use glam::DVec3;
+
+/// What a run gave.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// Positions (m) at the sampled times that were reached.
+    pub samples: Vec<Vec<DVec3>>,
+    /// What could be read off the last state.
+    pub end: Measures,
+    /// Largest strain at any sampled time.
+    pub max_strain: f64,
+    /// Largest error of the energy ledger E(t) - E(0) - work of the wind + dissipation, over the largest kinetic and
+    /// elastic energy on the way; 0 where it was not kept.
+    pub energy_drift: f64,
+    /// Steps taken.
+    pub steps: u64,
+    /// Work.
+    pub cost: Cost,
+    /// What became of it.
+    pub health: Health,
+}
+
+/// The three zones of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Zone {
+    /// Nothing to tell.
+    Quiet,
+    /// Bounded, but shaking from step to step.
+    Unsettled,
+    /// Burst.
+    Diverged,
+}
+
+impl From<Health> for Zone {
+    fn from(health: Health) -> Self {
+        match health {
+            Health::Ok => Self::Quiet,
+            Health::Unsettled { .. } => Self::Unsettled,
+            Health::Diverged { .. } => Self::Diverged,
+        }
+    }
+}
+
+/// Steps between two questions whether to go on.
+const ASK_EVERY: u64 = 64;
+
+/// Energies added up along a run, by the trapezoidal rule over its steps.
+#[derive(Default)]
+struct Ledger {
+    start: f64,
+    /// Work of the wind minus dissipation since the start, J.
+    given: f64,
+    power: f64,
+    largest: f64,
+    error: f64,
+}
+
+impl Ledger {
+    fn book(&mut self, measures: &Measures, dt: f64) {
+        let power = measures.wind_power - measures.dissipation;
+        self.given += 0.5 * dt * (self.power + power);
+        self.power = power;
+        self.largest = self.largest.max(measures.energy.kinetic + measures.energy.elastic);
+        self.error = self.error.max((measures.energy.total() - self.start - self.given).abs());
+    }
+}
+
+/// Runs a case with some settings, keeping an energy ledger.
+///
+/// # Errors
+/// Settings that cannot be run, or a listener that stops it.
+pub fn run(case: &Case, settings: &Settings, progress: Progress) -> Result<Trial, Stop> {
+    steps(case, case.world(settings.apply(case.scene()))?, case.steps(settings.dt), true, progress)
+}
+
+/// Runs a case with an edited scene, without a ledger.
+///
+/// # Errors
+/// A scene that cannot be run, or a listener that stops it.
+pub fn run_scene(case: &Case, scene: Scene, progress: Progress) -> Result<Trial, Stop> {
+    let count = case.steps(scene.dt);
+    steps(case, case.world(scene)?, count, false, progress)
+}
+
+fn steps(case: &Case, mut world: World, count: u64, ledger: bool, progress: Progress) -> Result<Trial, Stop> {
+    let dt = world.scene().dt;
+    let between = count / u64::from(case.samples.max(1));
+    let mut samples = Vec::new();
+    let mut max_strain = f64::NEG_INFINITY;
+    let before = world.measures();
+    let mut book = Ledger { start: before.energy.total(), ..Ledger::default() };
+    book.book(&before, 0.0);
+    for step in 1..=count {
+        world.step();
+        if world.health().is_diverged() {
+            break;
+        }
+        if ledger {
+            book.book(&world.measures(), dt);
+        }
+        if step % between == 0 {
+            max_strain = max_strain.max(world.measures().max_strain);
+            samples.push(world.positions());
+        }
+        if step % ASK_EVERY == 0 && !progress(Event::Alive) {
+            return Err(Stop::Cancelled);
+        }
+    }
+    let end = world.measures();
+    Ok(Trial {
+        samples,
+        max_strain: max_strain.max(end.max_strain),
+        end,
+        energy_drift: if book.largest > 0.0 { book.error / book.largest } else { 0.0 },
+        steps: world.steps(),
+        cost: world.cost(),
+        health: world.health(),
+    })
+}
