@@ -5,7 +5,7 @@
 //! m + h (c + d) + h² κ and a velocity v̂, so that what is left to solve is M̂ (v - v̂) = h F_springs(x, v). Every implicit
 //! method and every solver of springs as constraints starts from these two.
 
-use crate::forces::Problem;
+use crate::forces::{Cost, Problem};
 use crate::math::{Real, Vector};
 use crate::model::Particles;
 
@@ -42,6 +42,24 @@ impl<T: Real> Inertia<T> {
         }
         for ((f, &v), &w) in self.velocity.iter_mut().zip(&state.velocities).zip(&self.inverse) {
             *f = v + (*f - v * problem.air_damping) * (h * w);
+        }
+    }
+
+    /// What is left of the equations of a step of `h` (s): M̂ (v̂ - v) + h F_springs, N s; zero where a particle is pinned or held.
+    pub fn residual(
+        &self,
+        problem: &Problem<T>,
+        state: &Particles<T>,
+        h: T,
+        residual: &mut Vec<T::Vec3>,
+        cost: &mut Cost,
+    ) {
+        residual.clear();
+        residual.resize(state.len(), T::Vec3::ZERO);
+        problem.add_spring_forces(state, residual, cost);
+        let particles = self.mass.iter().zip(&self.inverse).zip(&self.velocity).zip(&state.velocities);
+        for (r, (((&m, &w), &free), &v)) in residual.iter_mut().zip(particles) {
+            *r = if w > T::ZERO { (free - v) * m + *r * h } else { T::Vec3::ZERO };
         }
     }
 

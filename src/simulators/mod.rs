@@ -33,6 +33,8 @@ registry::registry! {
     verlet::Verlet,
     xpbd::Xpbd,
     vbd::Vbd,
+    projective_dynamics::ProjectiveDynamics,
+    rk45::Rk45,
 }
 
 /// A method: its parameters are the fields of the type (declared with [`params!`](crate::params!)), its update is

@@ -61,7 +61,7 @@ impl<T: Real> Newton<T> {
         self.start.clone_from(&state.positions);
         let smallest = self.smallest_correction(problem, accuracy.tolerance);
         self.place(state, h);
-        self.find_residual(problem, state, h, cost);
+        self.inertia.residual(problem, state, h, &mut self.residual, cost);
         let mut left = f64::INFINITY;
         for _ in 0..accuracy.newton_steps {
             self.assemble(problem, state, h);
@@ -122,7 +122,7 @@ impl<T: Real> Newton<T> {
         let slope = dot::<T>(&self.residual, &self.change);
         let mut part = 1.0;
         self.go(state, h, T::ONE);
-        self.find_residual(problem, state, h, cost);
+        self.inertia.residual(problem, state, h, &mut self.residual, cost);
         for _ in 0..SHORTENED {
             let here = dot::<T>(&self.residual, &self.change);
             if here >= -0.5 * slope {
@@ -131,19 +131,7 @@ impl<T: Real> Newton<T> {
             let shorter = part * (slope / (slope - here)).clamp(0.1, 0.9);
             self.go(state, h, T::from_f64(shorter - part));
             part = shorter;
-            self.find_residual(problem, state, h, cost);
-        }
-    }
-
-    /// M̂ (v̂ - v) + h F, N s.
-    fn find_residual(&mut self, problem: &Problem<T>, state: &Particles<T>, h: T, cost: &mut Cost) {
-        self.residual.clear();
-        self.residual.resize(state.len(), T::Vec3::ZERO);
-        problem.add_spring_forces(state, &mut self.residual, cost);
-        let Inertia { mass, inverse, velocity } = &self.inertia;
-        let particles = mass.iter().zip(inverse).zip(velocity).zip(&state.velocities);
-        for (r, (((&m, &w), &free), &v)) in self.residual.iter_mut().zip(particles) {
-            *r = if w > T::ZERO { (free - v) * m + *r * h } else { T::Vec3::ZERO };
+            self.inertia.residual(problem, state, h, &mut self.residual, cost);
         }
     }
 

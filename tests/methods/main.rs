@@ -1,6 +1,8 @@
 //! The methods against independent figures: errors, orders, equilibria, energies, extremes.
 
+mod adaptive;
 mod descent;
+mod equilibrium;
 mod extremes;
 mod implicit;
 mod position_based;
