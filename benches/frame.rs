@@ -31,7 +31,8 @@ impl Frames {
             target: Target::Grid(GridTarget { columns: n, rows: n, ..GridTarget::default() }),
             ..Scene::default()
         };
-        let setups = vec![LaneSetup { title: "sheet".to_owned(), scene, place: Place::default(), file: None }];
+        let setups =
+            vec![LaneSetup { title: "sheet".to_owned(), scene, place: Place::default(), file: None }];
         let mut engine = Engine::new(setups.clone()).expect("a sheet");
         let state = engine.state();
         let simulation = Simulation::start(engine, || {}).expect("a thread");

@@ -125,7 +125,13 @@ impl Lane {
 
     /// Many passes over the springs: the largest stable dt.
     pub fn limit(&mut self) {
-        self.dt_limit = self.world.dt_limit(&self.world.spectrum());
+        /// Particles up to which it takes no longer than a blink.
+        const LIMITED: usize = 20_000;
+        self.dt_limit = if self.world.pinned().len() <= LIMITED {
+            self.world.dt_limit(&self.world.spectrum())
+        } else {
+            None
+        };
     }
 
     pub fn remember(&mut self, most: usize) {

@@ -56,6 +56,8 @@ fn window(scenes: &[Opened], record: bool) -> Result<Window, Refusal> {
     }
 }
 
+// As with a window, where opening one may fail.
+#[allow(clippy::unnecessary_wraps)]
 #[cfg(not(feature = "app"))]
 fn window(_: &[Opened], _: bool) -> Result<Window, Refusal> {
     Ok(Window::None("this build has no window; build it with the feature app for one".to_owned()))

@@ -244,9 +244,9 @@ fn top_of_three(mut a: [[f64; 3]; 3]) -> [f64; 3] {
         for row in &mut a {
             (row[i], row[j]) = (cos * row[i] - sin * row[j], sin * row[i] + cos * row[j]);
         }
-        for k in 0..3 {
-            (a[i][k], a[j][k]) = (cos * a[i][k] - sin * a[j][k], sin * a[i][k] + cos * a[j][k]);
-        }
+        let [upper, lower] = [a[i], a[j]];
+        a[i] = std::array::from_fn(|k| cos * upper[k] - sin * lower[k]);
+        a[j] = std::array::from_fn(|k| sin * upper[k] + cos * lower[k]);
         for row in &mut vectors {
             (row[i], row[j]) = (cos * row[i] - sin * row[j], sin * row[i] + cos * row[j]);
         }

@@ -56,9 +56,9 @@ impl Health {
     }
 }
 
-/// How much more kinetic energy than the forces can have given is taken as divergence: a hundred times the speed. Stable
-/// methods overshoot by a few per cent, unstable ones pass any factor within a few steps.
-const EXCESS: f64 = 1e4;
+/// How much more kinetic energy than the forces can have given is taken as divergence: thirty times the speed. Stable methods
+/// overshoot by a few per cent, unstable ones pass any factor within a few steps.
+const EXCESS: f64 = 1e3;
 
 /// The energy that the forces can have given to a cloth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -110,10 +110,16 @@ impl Ledger {
         Self { given: energy.kinetic + energy.elastic, weighted: Tally::of(cloth).weighted }
     }
 
-    /// Books the work that hands do in their next step: what it adds to the energy of the springs around a held particle,
-    /// or to that of the spring that pulls.
-    pub fn hands<T: Real>(&mut self, cloth: &Cloth<T>, hands: &[Hand]) {
+    /// Books the work that hands do in their next step of `dt` (s): what it adds to the energy of the springs around a held
+    /// particle, or to that of the spring that pulls; and the speed of the fastest hand for the whole cloth, which stiff
+    /// cloth takes on at once.
+    pub fn hands<T: Real>(&mut self, cloth: &Cloth<T>, hands: &[Hand], dt: f64) {
         let (springs, state) = (&cloth.problem.springs, &cloth.state);
+        let farthest = hands.iter().map(|h| h.next().distance(h.at())).fold(0.0, f64::max);
+        if farthest > 0.0 {
+            let mass: f64 = cloth.problem.mass.iter().map(|m| m.to_f64()).sum();
+            self.given += 0.5 * mass * (farthest / dt).powi(2);
+        }
         for hand in hands.iter().filter(|h| h.next() != h.at()) {
             let energy = |k: f64, a: DVec3, b: DVec3, rest: f64| 0.5 * k * ((a - b).length() - rest).powi(2);
             let (from, to) = (hand.at(), hand.next());

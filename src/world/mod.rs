@@ -420,7 +420,7 @@ impl World {
         }
         let Self { hands, cloth, ledger, cost, threads, scene, .. } = self;
         on!(cloth, c => {
-            ledger.hands(c, hands);
+            ledger.hands(c, hands, dt);
             for hand in hands.iter().filter(|h| h.holds()) {
                 // From where the hand is, not the particle: rounded to single precision that would be a phantom velocity.
                 c.set_velocity(hand.particle, (hand.next() - hand.at()) / dt);
