@@ -44,13 +44,24 @@ pub struct Results {
     positions: bool,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub fn seconds(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "it is not a number; accepted: seconds, 0 or more")?;
     if value >= 0.0 && value.is_finite() { Ok(value) } else { Err("accepted: seconds, 0 or more".to_owned()) }
 }
 
 /// Set by Ctrl-C: long work stops at the next step and gives what it has.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Lets Ctrl-C stop long work.
+pub fn catch_interrupt() {
+    // Only the first handler of a process can be set; any later call finds the same one.
+    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+}
+
+/// Whether Ctrl-C was pressed.
+pub fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
 
 pub fn run(options: &Options) -> Result<Ending, Refusal> {
     let opened = options.common.open(&options.scene)?;
@@ -104,8 +115,7 @@ pub fn execute(
     let pending = results.out.as_deref().map(Pending::new).transpose()?;
     let warnings = world.warnings();
     common.warn(&warnings);
-    // Only the first handler of a process can be set; any later call finds the same one.
-    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+    catch_interrupt();
     let bar = progress(common);
     let start = Instant::now();
     let mut shown = Instant::now();
@@ -127,7 +137,7 @@ pub fn execute(
     if world.steps() < steps && !world.health().is_diverged() {
         common.warn(&[format!("interrupted after {} of {steps} steps", world.steps())]);
     }
-    let result = RunResult::of(&world, wall_seconds, common.threads, results.positions, warnings);
+    let result = RunResult::of(&world, wall_seconds, common.threads(), results.positions, warnings);
     let text = if pending.is_some() || common.json { output::json(&result)? } else { String::new() };
     if let Some(file) = pending {
         file.finish(format!("{text}\n").as_bytes())?;
@@ -140,7 +150,7 @@ pub fn execute(
     Ok((world, ending))
 }
 
-fn progress(common: &Common) -> ProgressBar {
+pub fn progress(common: &Common) -> ProgressBar {
     let visible = std::io::stderr().is_terminal() && !common.quiet;
     let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let style = ProgressStyle::with_template("{spinner} {elapsed} {msg}");
