@@ -27,6 +27,8 @@ pub trait Real:
     const ZERO: Self;
     /// 1.
     const ONE: Self;
+    /// Distance from 1 to the next number.
+    const EPSILON: Self;
     /// The nearest value of this precision.
     fn from_f64(value: f64) -> Self;
     /// The same value in double precision.
@@ -57,6 +59,8 @@ pub trait Vector:
     fn length(self) -> Self::Scalar;
     /// Scalar product.
     fn dot(self, other: Self) -> Self::Scalar;
+    /// The vector of three components.
+    fn from_array(components: [Self::Scalar; 3]) -> Self;
     /// The components.
     fn to_array(self) -> [Self::Scalar; 3];
     /// The nearest vector of this precision.
@@ -71,6 +75,7 @@ macro_rules! precision {
             type Vec3 = $vec;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
+            const EPSILON: Self = <$real>::EPSILON;
             #[inline]
             fn from_f64(value: f64) -> Self {
                 value as $real
@@ -91,6 +96,10 @@ macro_rules! precision {
             #[inline]
             fn dot(self, other: Self) -> $real {
                 <$vec>::dot(self, other)
+            }
+            #[inline]
+            fn from_array(components: [$real; 3]) -> Self {
+                <$vec>::from_array(components)
             }
             #[inline]
             fn to_array(self) -> [$real; 3] {

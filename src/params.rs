@@ -72,6 +72,11 @@ impl Info {
         E::custom(format!("{}: {error}; accepted: {}", self.name, self.accepted()))
     }
 
+    /// A text that is no value of this type.
+    fn unreadable(&self, error: &str) -> String {
+        format!("{error}; accepted: {}", self.accepted())
+    }
+
     fn check(&self, value: f64) -> Result<(), String> {
         let inside = self.range.as_ref().is_none_or(|range| range.contains(&value));
         if value.is_finite() && inside {
@@ -215,10 +220,7 @@ pub fn ron_reader(text: &str) -> Result<ron::Deserializer<'_>, String> {
 pub fn set_whole<P: Param + Clone>(param: &mut P, info: &'static Info, text: &str) -> Result<(), String> {
     let mut fresh = param.clone();
     let mut from = ron_reader(text)?;
-    fresh
-        .load(info, &mut from)
-        .and_then(|()| from.end())
-        .map_err(|e| format!("{}: {}", info.name, one_line(&e.to_string())))?;
+    fresh.load(info, &mut from).and_then(|()| from.end()).map_err(|e| one_line(&e.to_string()))?;
     *param = fresh;
     Ok(())
 }
@@ -243,7 +245,7 @@ impl Param for f64 {
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let value = parse(info.name, text)?;
+        let value = parse(info.name, text).map_err(|e| info.unreadable(&e))?;
         info.check(value)?;
         *self = value;
         Ok(())
@@ -262,7 +264,7 @@ impl Param for u32 {
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let value: u32 = parse(info.name, text)?;
+        let value: u32 = parse(info.name, text).map_err(|e| info.unreadable(&e))?;
         info.check(f64::from(value))?;
         *self = value;
         Ok(())
@@ -291,14 +293,14 @@ impl Param for bool {
 
 impl Param for DVec3 {
     fn load<'de, D: Deserializer<'de>>(&mut self, info: &'static Info, from: D) -> Result<(), D::Error> {
-        let value: DVec3 = vector::deserialize(from)?;
+        let value: DVec3 = vector::deserialize(from).map_err(|e| info.wrong(&e))?;
         value.to_array().iter().try_for_each(|c| info.check(*c)).map_err(de::Error::custom)?;
         *self = value;
         Ok(())
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         leaf(info, path)?;
-        let (x, y, z): (f64, f64, f64) = parse(info.name, text)?;
+        let (x, y, z): (f64, f64, f64) = parse(info.name, text).map_err(|e| info.unreadable(&e))?;
         [x, y, z].iter().try_for_each(|c| info.check(*c))?;
         *self = DVec3::new(x, y, z);
         Ok(())

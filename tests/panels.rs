@@ -1,62 +1,422 @@
 //! Every panel driven by its labels, and asserted on the commands and the world's state. No GPU, no window.
 
+use std::path::Path;
+
+use egui::{Key, Modifiers, Role};
 use egui_kittest::{Harness, kittest::Queryable};
 use tenter::app::{
-    engine::{Engine, LaneSetup},
+    engine::{Engine, LaneSetup, LaneState, Order},
     session::{Link, Session},
     workbench::Workbench,
 };
-use tenter::scene::{Place, Scene};
+use tenter::scene::{Place, Plane, Scene, Target};
+
+type Window = Harness<'static, Workbench>;
 
 /// A workbench on a scene, whose engine runs only when told to.
-fn open(ron: &str) -> Harness<'static, Workbench> {
+fn open(ron: &str) -> Window {
     let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup { title: "test".to_owned(), scene, place: Place::default() }];
+    let setups = vec![LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None }];
     let mut engine = Engine::new(setups.clone()).expect("opens");
     let state = engine.state();
     let session = Session::new(Link::Here(Box::new(engine)), state, setups);
     let mut harness = Harness::builder()
         .with_size(egui::vec2(1280.0, 800.0))
         .build_ui_state(|ui, workbench: &mut Workbench| workbench.ui(ui), Workbench::new(session));
-    harness.run_steps(2);
+    harness.run_steps(3);
     harness
 }
 
-fn scene<'a>(harness: &'a Harness<'_, Workbench>) -> &'a Scene {
-    &harness.state().session.state().lanes[0].scene
+fn lane(window: &Window, lane: usize) -> &LaneState {
+    &window.state().session.state().lanes[lane]
+}
+
+fn scene(window: &Window) -> &Scene {
+    &lane(window, 0).scene
+}
+
+/// Clicks what has this label, and waits for what comes of it.
+fn click(window: &mut Window, label: &str) {
+    window.get_by_label(label).scroll_to_me();
+    window.run_steps(12);
+    window.get_by_label(label).click();
+    window.run_steps(4);
+}
+
+fn choose(window: &mut Window, combo: &str, choice: &str) {
+    window.get_by_role_and_label(Role::ComboBox, combo).scroll_to_me();
+    window.run_steps(12);
+    window.get_by_role_and_label(Role::ComboBox, combo).click();
+    window.run_steps(4);
+    window.get_by_label(choice).click();
+    window.run_steps(4);
+}
+
+fn press(window: &mut Window, modifiers: Modifiers, key: Key) {
+    window.key_press_modifiers(modifiers, key);
+    window.run_steps(4);
+}
+
+fn set(window: &mut Window, slider: &str, value: f64) {
+    window.get_by_role_and_label(Role::Slider, slider).set_value_accesskit(value);
+    window.run_steps(4);
+}
+
+fn step(window: &mut Window, steps: u32) {
+    window.state_mut().session.order(Order::Step(steps));
+    window.run_steps(3);
+}
+
+fn message(window: &Window) -> String {
+    window.state().session.message.clone().unwrap_or_default()
 }
 
 #[test]
 fn a_switch_changes_the_scene_and_undo_puts_it_back() {
-    let mut harness = open("()");
-    harness.get_by_label("Wind enabled").click();
-    harness.run_steps(3);
-    assert!(scene(&harness).wind.enabled);
-    harness.get_by_label("Wind strength");
-    harness.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::Z);
-    harness.run_steps(3);
-    assert!(!scene(&harness).wind.enabled);
-    assert!(harness.query_by_label("Wind strength").is_none(), "what is switched off hides its fields");
+    let mut window = open("()");
+    click(&mut window, "Wind enabled");
+    assert!(scene(&window).wind.enabled);
+    window.get_by_label("Wind strength");
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert!(!scene(&window).wind.enabled);
+    assert!(window.query_by_label("Wind strength").is_none(), "what is switched off hides its fields");
+    press(&mut window, Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    assert!(scene(&window).wind.enabled);
+}
+
+#[test]
+fn a_slider_changes_the_scene_and_its_arrow_puts_the_default_back() {
+    let mut window = open("()");
+    set(&mut window, "Springs stretch stiffness", 500.0);
+    assert_eq!(scene(&window).springs.stretch.stiffness, 500.0);
+    click(&mut window, "Default of Springs stretch stiffness");
+    assert_eq!(scene(&window).springs.stretch.stiffness, 1000.0);
+}
+
+#[test]
+fn one_button_gives_all_springs_the_same_stiffness_as_one_edit() {
+    let mut window = open("()");
+    click(&mut window, "Same for all");
+    let springs = &scene(&window).springs;
+    assert_eq!((springs.shear.stiffness, springs.bend.stiffness), (1000.0, 1000.0));
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    let springs = &scene(&window).springs;
+    assert_eq!((springs.shear.stiffness, springs.bend.stiffness), (300.0, 100.0));
 }
 
 #[test]
 fn the_method_is_chosen_from_the_registry() {
-    let mut harness = open("()");
-    harness.get_by_role_and_label(egui::Role::ComboBox, "Method").click();
-    harness.run_steps(3);
-    harness.get_by_label("Verlet").click();
-    harness.run_steps(3);
-    assert_eq!(scene(&harness).simulator.id, "verlet");
-    assert!(harness.query_by_label("Springs stretch stiffness").is_none(), "Verlet ignores the stiffness");
+    let mut window = open("()");
+    choose(&mut window, "Method", "Verlet");
+    assert_eq!(scene(&window).simulator.id, "verlet");
+    assert!(window.query_by_label("Springs stretch stiffness").is_none(), "Verlet ignores the stiffness");
+    window.get_by_label("Simulator params sweeps");
 }
 
 #[test]
 fn step_and_reset_move_time() {
-    let mut harness = open("()");
-    harness.get_by_label("Step").click();
-    harness.run_steps(3);
-    assert_eq!(harness.state().session.state().lanes[0].steps, 1);
-    harness.get_by_label("Reset").click();
-    harness.run_steps(3);
-    assert_eq!(harness.state().session.state().lanes[0].time, 0.0);
+    let mut window = open("()");
+    click(&mut window, "Step");
+    assert_eq!(lane(&window, 0).steps, 1);
+    click(&mut window, "Reset");
+    assert_eq!(lane(&window, 0).time, 0.0);
+    press(&mut window, Modifiers::NONE, Key::Period);
+    assert_eq!(lane(&window, 0).steps, 2);
+    press(&mut window, Modifiers::NONE, Key::Space);
+    assert!(window.state().session.state().running);
+    click(&mut window, "Pause");
+    assert!(!window.state().session.state().running);
+    press(&mut window, Modifiers::NONE, Key::CloseBracket);
+    assert_eq!(window.state().session.state().speed, 2.0);
+}
+
+#[test]
+fn the_target_is_edited_and_undone_with_its_shape() {
+    let mut window = open("()");
+    step(&mut window, 30);
+    let before = lane(&window, 0).positions.clone();
+    set(&mut window, "Target columns", 12.0);
+    assert_eq!(lane(&window, 0).positions.len(), 12 * 25);
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(lane(&window, 0).positions, before, "the hanging shape is there again");
+    choose(&mut window, "Target plane", "Vertical");
+    let Target::Grid(grid) = &scene(&window).target else { panic!("a grid") };
+    assert_eq!(grid.plane, Plane::Vertical);
+    choose(&mut window, "Mass kind", "per area");
+    assert!(scene(&window).to_ron().expect("text").contains("PerArea"));
+}
+
+#[test]
+fn the_selection_is_pinned_and_freed() {
+    let mut window = open("()");
+    window.state_mut().session.selection = [300, 301].into();
+    window.run_steps(2);
+    press(&mut window, Modifiers::NONE, Key::P);
+    assert_eq!(lane(&window, 0).pinned, 8);
+    press(&mut window, Modifiers::NONE, Key::P);
+    assert_eq!(lane(&window, 0).pinned, 6);
+    click(&mut window, "Free all");
+    assert_eq!(lane(&window, 0).pinned, 0);
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(lane(&window, 0).pinned, 6);
+}
+
+#[test]
+fn a_scene_opens_from_the_gallery_and_undo_brings_the_old_one_back() {
+    let mut window = open("(dt: 0.01)");
+    press(&mut window, Modifiers::COMMAND, Key::G);
+    click(&mut window, "Open flag");
+    assert_eq!(window.state().session.title(), "flag");
+    assert_eq!(lane(&window, 0).positions.len(), 1000);
+    assert!(!window.state().session.is_unsaved());
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!((window.state().session.title(), scene(&window).dt), ("test", 0.01));
+}
+
+#[test]
+fn unsaved_changes_are_asked_for_once() {
+    let mut window = open("()");
+    click(&mut window, "Gravity enabled");
+    press(&mut window, Modifiers::COMMAND, Key::G);
+    click(&mut window, "Open flag");
+    assert_eq!(window.state().session.title(), "test");
+    click(&mut window, "Cancel");
+    assert_eq!(window.state().session.title(), "test");
+    press(&mut window, Modifiers::COMMAND, Key::G);
+    click(&mut window, "Open flag");
+    click(&mut window, "Do not save");
+    assert_eq!(window.state().session.title(), "flag");
+}
+
+fn type_path(window: &mut Window, path: &Path, button: &str) {
+    let field = window.get_by_role(Role::TextInput);
+    field.focus();
+    window.run_steps(2);
+    press(window, Modifiers::COMMAND, Key::A);
+    window.get_by_role(Role::TextInput).type_text(&path.to_string_lossy());
+    window.run_steps(3);
+    click(window, button);
+}
+
+#[test]
+fn a_scene_is_saved_and_opened_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("mine.ron");
+    let mut window = open("()");
+    click(&mut window, "Tearing enabled");
+    press(&mut window, Modifiers::COMMAND, Key::S);
+    type_path(&mut window, &file, "Save");
+    assert!(!window.state().session.is_unsaved(), "{}", message(&window));
+    let saved = Scene::from_ron(&std::fs::read_to_string(&file).expect("a file")).expect("a scene");
+    assert!(saved.tearing.enabled);
+    press(&mut window, Modifiers::COMMAND, Key::N);
+    assert!(!scene(&window).tearing.enabled);
+    press(&mut window, Modifiers::COMMAND, Key::O);
+    type_path(&mut window, &file, "Open");
+    assert!(scene(&window).tearing.enabled, "{}", message(&window));
+    assert_eq!(window.state().session.title(), "mine.ron");
+    press(&mut window, Modifiers::COMMAND, Key::O);
+    window.get_by_label_contains("mine.ron");
+}
+
+#[test]
+fn a_mesh_opens_tells_what_was_found_and_saves_beside_itself() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mesh = folder.path().join("cape.obj");
+    std::fs::copy("assets/meshes/cape_mixed.obj", &mesh).expect("a copy");
+    let mut window = open("()");
+    press(&mut window, Modifiers::COMMAND, Key::O);
+    type_path(&mut window, &mesh, "Open");
+    assert_eq!(window.state().session.title(), "cape.obj", "{}", message(&window));
+    assert!(!window.state().session.running(), "nothing is pinned: it would fall out of sight");
+    window.get_by_label_contains("quads");
+    window.get_by_label("Target scale");
+    press(&mut window, Modifiers::COMMAND, Key::S);
+    click(&mut window, "Save");
+    let text = std::fs::read_to_string(folder.path().join("cape.ron")).expect("beside the mesh");
+    assert!(text.contains("\"cape.obj\""), "{text}");
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_and_changes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("bad.ron");
+    std::fs::write(&file, "(dt: -1)").expect("writes");
+    let mut window = open("()");
+    for path in [file.as_path(), Path::new("nothing.obj")] {
+        press(&mut window, Modifiers::COMMAND, Key::O);
+        type_path(&mut window, path, "Open");
+        assert_eq!(window.state().session.title(), "test");
+        assert!(!message(&window).is_empty());
+    }
+    assert_eq!(lane(&window, 0).positions.len(), 625);
+}
+
+const BURSTS: &str = "(simulator: (id: \"symplectic_euler\", params: {}), dt: 0.05)";
+
+fn burst() -> Window {
+    let mut window = open(BURSTS);
+    step(&mut window, 400);
+    assert!(lane(&window, 0).health.is_diverged());
+    window
+}
+
+#[test]
+fn the_banner_names_particle_time_and_cause() {
+    let window = burst();
+    window.get_by_label_contains("Paused at the last good state");
+    window.get_by_label_contains("Symplectic Euler in this shape");
+    window.get_by_label("Go back 2 s");
+}
+
+#[test]
+fn the_banner_halves_dt_sets_a_step_that_holds_goes_back_and_resets() {
+    let mut window = burst();
+    click(&mut window, "Halve dt");
+    assert_eq!(scene(&window).dt, 0.025);
+    assert!(!lane(&window, 0).health.is_diverged());
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(scene(&window).dt, 0.05);
+    let mut window = burst();
+    window.get_by_label_contains("Set dt to").click();
+    window.run_steps(4);
+    let dt = scene(&window).dt;
+    assert!(dt < 0.05 && dt > 0.001, "{dt}");
+    press(&mut window, Modifiers::NONE, Key::R);
+    step(&mut window, (4.0 / dt) as u32);
+    assert!(!lane(&window, 0).health.is_diverged(), "0.9 of the limit holds");
+    let mut window = burst();
+    let time = lane(&window, 0).time;
+    click(&mut window, "Go back 2 s");
+    assert!(lane(&window, 0).time < time);
+    assert!(!lane(&window, 0).health.is_diverged());
+}
+
+#[test]
+fn lanes_are_added_compared_and_removed() {
+    let mut window = open("()");
+    step(&mut window, 10);
+    press(&mut window, Modifiers::COMMAND, Key::L);
+    assert_eq!(window.state().session.state().lanes.len(), 2);
+    window.state_mut().session.grab(300);
+    for i in 0..20 {
+        window.state_mut().session.drag(glam::DVec3::new(0.0, 0.1 * f64::from(i), 0.05 * f64::from(i)));
+        step(&mut window, 2);
+    }
+    assert!(lane(&window, 0).positions[300][1] > 0.5);
+    window.state_mut().session.release();
+    step(&mut window, 20);
+    assert_eq!(lane(&window, 1).distance, Some([0.0, 0.0]), "identical lanes stay equal to the bit");
+    // The new lane is the chosen one: only its method changes.
+    choose(&mut window, "Method", "Verlet");
+    assert_eq!(scene(&window).simulator.id, "symplectic_euler");
+    assert_eq!(lane(&window, 1).scene.simulator.id, "verlet");
+    click(&mut window, "Gravity enabled");
+    assert!(!scene(&window).gravity.enabled && !lane(&window, 1).scene.gravity.enabled);
+    step(&mut window, 20);
+    assert!(lane(&window, 1).distance.is_some_and(|[rms, most]| rms > 0.0 && most >= rms));
+    click(&mut window, "Reference lane 2");
+    assert_eq!(lane(&window, 1).distance, Some([0.0, 0.0]));
+    click(&mut window, "Colour by distance");
+    assert!(lane(&window, 0).values.as_ref().is_some_and(|values| values.iter().any(|d| *d > 0.0)));
+    click(&mut window, "Overlaid");
+    click(&mut window, "Remove lane 1");
+    assert_eq!(window.state().session.state().lanes.len(), 1);
+    assert_eq!(scene(&window).simulator.id, "verlet");
+}
+
+#[test]
+fn a_drag_is_cancelled_or_taken_back_as_a_whole() {
+    let mut window = open("()");
+    step(&mut window, 20);
+    let before = lane(&window, 0).positions.clone();
+    let drag = |window: &mut Window| {
+        window.state_mut().session.grab(312);
+        window.state_mut().session.drag(glam::DVec3::new(0.0, 3.0, 0.0));
+        step(window, 10);
+        assert_ne!(lane(window, 0).positions, before);
+    };
+    drag(&mut window);
+    window.state_mut().session.cancel_drag();
+    window.run_steps(2);
+    assert_eq!(lane(&window, 0).positions, before);
+    drag(&mut window);
+    window.state_mut().session.release();
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(lane(&window, 0).positions, before);
+}
+
+#[test]
+fn undo_mends_what_has_torn() {
+    let mut window = open("(tearing: (max_ratio: 1.05))");
+    click(&mut window, "Tearing enabled");
+    step(&mut window, 150);
+    assert!(lane(&window, 0).broken > 0);
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(lane(&window, 0).broken, 0);
+    assert!(!scene(&window).tearing.enabled);
+}
+
+#[test]
+fn undo_of_any_edit_mends_what_has_torn_since() {
+    let mut window = open("(tearing: (enabled: true, max_ratio: 1.9), dt: 0.01)");
+    step(&mut window, 10);
+    set(&mut window, "Gravity magnitude", 20.0);
+    let time = lane(&window, 0).time;
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!((scene(&window).gravity.magnitude, lane(&window, 0).time), (10.0, time));
+    set(&mut window, "Gravity magnitude", 80.0);
+    step(&mut window, 200);
+    assert!(lane(&window, 0).broken > 0);
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!((scene(&window).gravity.magnitude, lane(&window, 0).broken), (10.0, 0));
+    press(&mut window, Modifiers::COMMAND, Key::Y);
+    assert!(lane(&window, 0).broken > 0 && scene(&window).gravity.magnitude == 80.0);
+}
+
+#[test]
+fn a_spring_pulls_instead_of_holding() {
+    let mut window = open("(gravity: (enabled: false))");
+    click(&mut window, "Pull");
+    window.state_mut().session.grab(312);
+    window.state_mut().session.drag(glam::DVec3::new(0.0, 2.0, 0.0));
+    step(&mut window, 20);
+    let height = lane(&window, 0).positions[312][1];
+    assert!(height > 0.05 && height < 1.9, "{height}");
+    assert!(message(&window).is_empty(), "{}", message(&window));
+}
+
+#[test]
+fn display_changes_the_picture_and_not_the_scene() {
+    let mut window = open("()");
+    let before = scene(&window).clone();
+    click(&mut window, "Surface by strain");
+    assert!(lane(&window, 0).values.is_some());
+    window.get_by_label("Shear springs").scroll_to_me();
+    window.run_steps(3);
+    click(&mut window, "Shear springs");
+    assert!(window.state().style.springs[1]);
+    assert_eq!(*scene(&window), before);
+    assert!(!window.state().session.is_unsaved());
+    press(&mut window, Modifiers::NONE, Key::T);
+    assert_eq!(window.state().style.theme, tenter::app::render::Theme::Light);
+}
+
+#[test]
+fn help_lists_every_key() {
+    let mut window = open("()");
+    press(&mut window, Modifiers::NONE, Key::F1);
+    window.get_by_label("Pin or free the selection");
+    window.get_by_label("Ctrl drag beside it");
+    press(&mut window, Modifiers::NONE, Key::Escape);
+    assert!(window.query_by_label("Ctrl drag beside it").is_none());
+}
+
+#[test]
+fn typed_text_is_no_command() {
+    let mut window = open("()");
+    press(&mut window, Modifiers::COMMAND, Key::O);
+    window.get_by_role(Role::TextInput).type_text("r.p");
+    press(&mut window, Modifiers::NONE, Key::Period);
+    assert_eq!(lane(&window, 0).steps, 0);
 }

@@ -29,7 +29,7 @@ fn a_method_written_from_the_readme_runs() {
     let [method, line] = blocks[..] else { panic!("{} blocks of Rust in the README", blocks.len()) };
 
     let dir = tempfile::tempdir().expect("a folder");
-    for folder in ["src", "assets", "benches", "shaders"] {
+    for folder in ["src", "assets", "benches", "shaders", "tests"] {
         if root.join(folder).is_dir() {
             copy(&root.join(folder), &dir.path().join(folder));
         }
@@ -37,7 +37,6 @@ fn a_method_written_from_the_readme_runs() {
     for file in ["Cargo.toml", "Cargo.lock", "README.md"] {
         fs::copy(root.join(file), dir.path().join(file)).expect("copied");
     }
-    fs::create_dir(dir.path().join("tests")).expect("a folder");
     let registry = dir.path().join("src/simulators/mod.rs");
     let text = fs::read_to_string(&registry).expect("the registry");
     let (before, after) = text.split_once("registry! {\n").expect("the registry's start");

@@ -43,7 +43,7 @@ impl Bounds {
         self.min.distance(self.max) / 2.0
     }
 
-    fn corners(&self) -> impl Iterator<Item = Vec3> + '_ {
+    fn corners(&self) -> impl Iterator<Item = Vec3> + Clone + '_ {
         (0..8).map(|i| {
             let pick = |bit: u32, min: f32, max: f32| if i & bit == 0 { min } else { max };
             Vec3::new(
@@ -227,25 +227,30 @@ impl Camera {
 
     /// Looks at the whole box, keeping the direction, with a little room around it.
     pub fn focus(&mut self, bounds: &Bounds, size: Vec2) {
+        self.focus_on(&bounds.corners(), bounds, size);
+    }
+
+    /// Looks at points whose box is known, keeping the direction, with a little room around them.
+    pub fn focus_on(&mut self, points: &(impl Iterator<Item = Vec3> + Clone), bounds: &Bounds, size: Vec2) {
         const ROOM: f32 = 1.12;
         let [right, up, forward] = self.axes();
         let tan = (self.fov / 2.0).tan();
         let aspect = size.x / size.y.max(1.0);
         self.target = bounds.centre();
         let radius = bounds.radius().max(1e-3);
-        // Twice: the middle of the corners on the screen is not that of the box, seen in perspective.
+        // Twice: the middle of the points on the screen is not that of their box, seen in perspective.
         for _ in 0..2 {
-            let distance = bounds.corners().fold(0.0, |most: f32, corner| {
-                let arm = corner - self.target;
+            let distance = points.clone().fold(0.0, |most: f32, point| {
+                let arm = point - self.target;
                 let depth = if self.projection == Projection::Perspective { arm.dot(forward) } else { 0.0 };
                 let across = (arm.dot(right).abs() / (tan * aspect)).max(arm.dot(up).abs() / tan);
                 most.max(across - depth)
             });
             self.distance = (distance * ROOM).max(radius * 0.1);
             let projector = self.projector(size);
-            let (low, high) = bounds
-                .corners()
-                .filter_map(|corner| projector.pixel(corner))
+            let (low, high) = points
+                .clone()
+                .filter_map(|point| projector.pixel(point))
                 .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(l, h), p| (l.min(p.pixel), h.max(p.pixel)));
             if low.is_finite() && high.is_finite() {
                 self.pan(size / 2.0 - low.midpoint(high), size);

@@ -5,7 +5,7 @@
 pub enum NoDisplay {
     /// No window system.
     #[error(
-        "no window can be opened: neither DISPLAY nor WAYLAND_DISPLAY is set (is this a machine without a screen?)"
+        "no window can be opened: neither DISPLAY nor WAYLAND_DISPLAY is set; start it in a desktop session"
     )]
     NotSet,
     /// A library that the window system needs is missing.
@@ -14,7 +14,7 @@ pub enum NoDisplay {
     )]
     Library(&'static str),
     /// The window system does not answer.
-    #[error("no window can be opened: the display {0:?} does not answer")]
+    #[error("no window can be opened: the display {0:?} does not answer; start it in a desktop session")]
     Silent(String),
 }
 

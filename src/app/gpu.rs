@@ -117,6 +117,19 @@ impl Gpu {
         failure.as_ref().map_or(Ok(()), |reason| Err(GpuError::Failed(reason.clone())))
     }
 
+    /// Whether a picture of this size can be drawn.
+    ///
+    /// # Errors
+    /// [`GpuError::Size`] if a side is 0 or longer than the adapter allows.
+    pub fn check_size(&self, size: [u32; 2]) -> Result<(), GpuError> {
+        let [width, height] = size;
+        let limit = self.device.limits().max_texture_dimension_2d;
+        if size.iter().any(|&side| side == 0 || side > limit) {
+            return Err(GpuError::Size { width, height, limit });
+        }
+        Ok(())
+    }
+
     /// Samples per pixel by default: 4 on hardware, 1 where the CPU would pay for each of them.
     pub fn default_samples(&self) -> u32 {
         if self.software { 1 } else { 4 }
@@ -126,6 +139,18 @@ impl Gpu {
     pub fn description(&self) -> String {
         let info = self.adapter.get_info();
         format!("{} ({})", info.name, info.backend)
+    }
+}
+
+/// Keeps Mesa from asking for a Wayland display where there cannot be one: libwayland would complain about it on standard
+/// error, in lines that are not ours. Called once, before the process has a second thread.
+pub fn quiet_drivers() {
+    if cfg!(target_os = "linux") && std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // SAFETY: no other thread reads the environment yet.
+        #[allow(unsafe_code)]
+        unsafe {
+            std::env::set_var("NODEVICE_SELECT", "1");
+        }
     }
 }
 
@@ -242,11 +267,8 @@ impl Picture {
     /// # Errors
     /// [`GpuError::Size`] if a side is 0 or longer than the adapter allows.
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
+        gpu.check_size(size)?;
         let [width, height] = size;
-        let limit = gpu.device.limits().max_texture_dimension_2d;
-        if size.iter().any(|&side| side == 0 || side > limit) {
-            return Err(GpuError::Size { width, height, limit });
-        }
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("picture"),
             size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },

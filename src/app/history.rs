@@ -1,6 +1,6 @@
-//! What was edited, as commands both ways: undoing is doing the opposite, so that it too is logged and reaches every lane.
+//! What was edited, as orders both ways: undoing is doing the opposite, so that it too is logged and reaches every lane.
 
-use crate::world::Command;
+use super::order::Order;
 
 /// One edit.
 #[derive(Clone, Debug, PartialEq)]
@@ -10,9 +10,9 @@ pub struct Edit {
     /// The lane it was made in, or all.
     pub lane: Option<usize>,
     /// Takes it back.
-    pub undo: Vec<Command>,
+    pub undo: Vec<Order>,
     /// Does it.
-    pub redo: Vec<Command>,
+    pub redo: Vec<Order>,
 }
 
 /// Edits done and taken back.
@@ -25,17 +25,18 @@ pub struct History {
 }
 
 impl History {
-    /// Adds an edit; one of the same key while a slider is dragged becomes part of the last.
+    /// Whether an edit of this label would become part of the last one.
+    pub fn is_growing(&self, label: &str, lane: Option<usize>) -> bool {
+        self.open && self.done.last().is_some_and(|last| last.label == label && last.lane == lane)
+    }
+
+    /// Adds an edit; one of the same label while a slider is dragged becomes part of the last.
     pub fn push(&mut self, edit: Edit) {
         self.undone.clear();
-        if self.open
-            && let Some(last) = self.done.last_mut()
-            && last.label == edit.label
-            && last.lane == edit.lane
-        {
-            last.redo = edit.redo;
-        } else {
-            self.done.push(edit);
+        let grows = self.is_growing(&edit.label, edit.lane);
+        match self.done.last_mut().filter(|_| grows) {
+            Some(last) => last.redo = edit.redo,
+            None => self.done.push(edit),
         }
         self.open = true;
     }
@@ -65,15 +66,46 @@ impl History {
     pub fn names(&self) -> [Option<&str>; 2] {
         [&self.done, &self.undone].map(|edits| edits.last().map(|edit| edit.label.as_str()))
     }
+
+    /// A lane is gone: so are its own edits, and the lanes behind it have moved up.
+    pub fn remove_lane(&mut self, gone: usize) {
+        for edits in [&mut self.done, &mut self.undone] {
+            edits.retain(|edit| edit.lane != Some(gone));
+            for edit in edits {
+                let up = |lane: &mut Option<usize>| {
+                    if let Some(lane) = lane.as_mut().filter(|lane| **lane > gone) {
+                        *lane -= 1;
+                    }
+                };
+                up(&mut edit.lane);
+                for order in edit.undo.iter_mut().chain(&mut edit.redo) {
+                    match order {
+                        Order::Apply(lane, _) => up(lane),
+                        Order::Exchange { otherwise, .. } => {
+                            otherwise.iter_mut().for_each(|(lane, _)| up(lane));
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::world::Command;
+
+    fn set_in(lane: Option<usize>, key: &str, before: &str, after: &str) -> Edit {
+        let order = |value: &str| {
+            vec![Order::Apply(lane, Command::Set { key: key.to_owned(), value: value.to_owned() })]
+        };
+        Edit { label: key.to_owned(), lane, undo: order(before), redo: order(after) }
+    }
 
     fn set(key: &str, before: &str, after: &str) -> Edit {
-        let command = |value: &str| vec![Command::Set { key: key.to_owned(), value: value.to_owned() }];
-        Edit { label: key.to_owned(), lane: None, undo: command(before), redo: command(after) }
+        set_in(None, key, before, after)
     }
 
     #[test]
@@ -97,5 +129,15 @@ mod tests {
         history.push(set("air_damping", "1", "2"));
         assert_eq!(history.redo(), None);
         assert_eq!(history.names(), [Some("air_damping"), None]);
+    }
+
+    #[test]
+    fn edits_follow_their_lanes() {
+        let mut history = History::default();
+        history.push(set_in(Some(1), "dt", "1", "2"));
+        history.push(set_in(Some(2), "dt", "3", "4"));
+        history.remove_lane(1);
+        assert_eq!(history.undo(), Some(set_in(Some(1), "dt", "3", "4")));
+        assert_eq!(history.undo(), None);
     }
 }

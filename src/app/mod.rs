@@ -3,26 +3,39 @@
 pub mod camera;
 pub mod display;
 pub mod engine;
+pub mod files;
+pub mod gallery;
 pub mod geometry;
 pub mod gpu;
 pub mod hands;
 mod history;
+mod lane;
+pub mod order;
 pub mod panels;
 pub mod picking;
 pub mod picture;
+pub mod preferences;
 pub mod render;
 pub mod session;
 pub mod shell;
 pub mod simulation;
 mod swapchain;
 pub mod theme;
+pub mod trace;
 pub mod viewport;
 pub mod workbench;
 
-use std::sync::{Arc, OnceLock};
+use std::{
+    sync::{Arc, OnceLock},
+    thread::JoinHandle,
+};
 
-use crate::scene::Opened;
+use crate::{
+    scene::{Opened, Place},
+    world::Recording,
+};
 use engine::{Engine, LaneSetup};
+use preferences::Preferences;
 use session::{Link, Session};
 use simulation::Simulation;
 use workbench::Workbench;
@@ -41,32 +54,63 @@ pub enum AppError {
     Thread(#[from] std::io::Error),
 }
 
+impl AppError {
+    /// Whether this machine gives no window at all: what needs none can still be done.
+    pub fn is_no_window(&self) -> bool {
+        use gpu::GpuError;
+        use shell::ShellError;
+        match self {
+            Self::Shell(ShellError::Gpu(error)) => !matches!(error, GpuError::Failed(_)),
+            Self::Shell(_) => true,
+            Self::Scene(_) | Self::Thread(_) => false,
+        }
+    }
+}
+
+/// What is left once the window is closed.
+#[derive(Debug)]
+pub struct Closed {
+    simulation: Option<JoinHandle<Engine>>,
+}
+
+impl Closed {
+    /// What was done to the first lane, and where its scene's meshes are. Waits for the step that is under way.
+    pub fn recording(self) -> Option<(Recording, Place)> {
+        self.simulation?.join().ok()?.recording(0)
+    }
+}
+
 /// Opens scenes as lanes in a window, and returns when it is closed.
 ///
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
-pub fn run(scenes: Vec<Opened>) -> Result<(), AppError> {
-    let setups: Vec<LaneSetup> =
-        scenes.into_iter().map(|Opened { scene, place, title }| LaneSetup { title, scene, place }).collect();
+pub fn run(scenes: Vec<Opened>) -> Result<Closed, AppError> {
+    let setups: Vec<LaneSetup> = scenes.into_iter().map(|opened| files::dress(opened).into()).collect();
+    let setups = if setups.is_empty() { vec![crate::scene::open("sheet")?.into()] } else { setups };
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
     let mut engine = Engine::new(setups.clone())?;
     let state = engine.state();
     // The thread is there before the window: until that opens, nobody needs to be woken.
     let window = Arc::new(OnceLock::<egui::Context>::new());
     let wake = Arc::clone(&window);
-    let simulation = Simulation::start(engine, move || {
+    let mut simulation = Simulation::start(engine, move || {
         if let Some(context) = wake.get() {
             context.request_repaint();
         }
     })?;
+    let closed = Closed { simulation: simulation.thread() };
     let mut session = Session::new(Link::Thread(simulation), state, setups);
-    session.run(true);
-    let opening = shell::Opening { title, size: [1280.0, 800.0], maximized: false, samples: None };
+    session.start();
+    let file = Preferences::file();
+    let preferences = file.as_deref().map(Preferences::load).unwrap_or_default();
+    let opening =
+        shell::Opening { title, size: preferences.size, maximized: preferences.maximized, samples: None };
     shell::run(opening, |stage| {
+        // Before the first frame nobody else sets it.
         let _ = window.set(stage.egui.clone());
-        let mut workbench = Workbench::new(session);
+        let mut workbench = Workbench::with(session, preferences, file);
         workbench.attach(stage);
         workbench
     })?;
-    Ok(())
+    Ok(closed)
 }

@@ -1,9 +1,12 @@
 //! One picture without a window: for `tenter render`, the gallery and the tests.
 
-use std::path::Path;
+use std::{f32::consts::FRAC_PI_4, io::Write, path::Path};
 
-use glam::Vec2;
-use image::{ImageEncoder, codecs::png::PngEncoder};
+use glam::{Vec2, Vec3};
+use image::{
+    ImageEncoder,
+    codecs::png::{CompressionType, FilterType, PngEncoder},
+};
 
 use super::{
     camera::{Bounds, Camera},
@@ -61,17 +64,32 @@ pub fn draw(
 }
 
 impl Pixels {
+    /// The picture as the bytes of a PNG file.
+    ///
+    /// # Errors
+    /// Those of the encoder; none are known.
+    pub fn png(&self) -> std::io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let [width, height] = self.size;
+        // Every pixel is opaque: alpha would only be stored.
+        let rgb: Vec<u8> = self.rgba.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied().collect();
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
+            .write_image(&rgb, width, height, image::ExtendedColorType::Rgb8)
+            .map_err(std::io::Error::other)?;
+        Ok(bytes)
+    }
+
     /// Writes the picture as PNG: beside the path first, then renamed, so that it is there whole or not at all.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn save_png(&self, path: &Path) -> std::io::Result<()> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        let [width, height] = self.size;
-        PngEncoder::new(&mut file)
-            .write_image(&self.rgba, width, height, image::ExtendedColorType::Rgba8)
-            .map_err(std::io::Error::other)?;
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(folder)?;
+        file.write_all(&self.png()?)?;
         file.persist(path)?;
         Ok(())
     }
@@ -101,7 +119,9 @@ pub fn of_world(gpu: &Gpu, world: &World, size: [u32; 2], style: &Style) -> Resu
     let mut camera = Camera::default();
     let mut ground_height = 0.0;
     if let Some(bounds) = &bounds {
-        camera.focus(bounds, size);
+        let points = positions.iter().map(|&p| Vec3::from(p)).filter(|p| p.is_finite());
+        camera.yaw = telling_yaw(camera, &positions, &geometry.triangles);
+        camera.focus_on(&points, bounds, size);
         ground_height = bounds.min.y - 0.1 * bounds.radius();
     }
     let look = Look { camera: &camera, size, pixels_per_point: 1.0, ground_height, bounds };
@@ -109,10 +129,25 @@ pub fn of_world(gpu: &Gpu, world: &World, size: [u32; 2], style: &Style) -> Resu
     draw(gpu, &[(geometry.topology(), frame)], &look, style, 4)
 }
 
+/// The nearest turn from the usual one that shows about as much of the surface as any: cloth seen edge on is a line.
+fn telling_yaw(camera: Camera, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f32 {
+    const ENOUGH: f32 = 0.8;
+    let yaws = [0, 1, -1, 2, -2, 3, -3, 4].map(|turn: i8| camera.yaw + f32::from(turn) * FRAC_PI_4);
+    let mut shown = [0.0_f32; 8];
+    let forwards = yaws.map(|yaw| Camera { yaw, ..camera }.axes()[2]);
+    for corners in triangles {
+        let [a, b, c] = corners.map(|p| Vec3::from(positions[p as usize]));
+        let area = (b - a).cross(c - a);
+        for (sum, forward) in shown.iter_mut().zip(forwards).filter(|_| area.is_finite()) {
+            *sum += area.dot(forward).abs();
+        }
+    }
+    let enough = ENOUGH * shown.iter().copied().fold(0.0, f32::max);
+    shown.iter().zip(yaws).find(|(shown, _)| **shown >= enough).map_or(camera.yaw, |(_, yaw)| yaw)
+}
+
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::app::render::{Springs, Theme};
 

@@ -3,14 +3,16 @@
 //! Panels read a [`Session`] and send orders through it; they write no state. Until the simulation has answered, they show the
 //! scene as it will be, so that a slider does not jump back while a step takes long.
 
-use std::{collections::BTreeSet, sync::Arc};
+use std::{collections::BTreeSet, path::PathBuf, sync::Arc};
 
 use glam::DVec3;
 
 use super::{
-    engine::{Engine, LaneSetup, Order, State, Values},
+    engine::{Engine, LaneSetup, LaneState, Order, State, Values},
     history::{Edit, History},
+    render::flag,
     simulation::Simulation,
+    trace::Trace,
 };
 use crate::{
     scene::{Place, Scene},
@@ -25,6 +27,25 @@ pub enum Link {
     Here(Box<Engine>),
 }
 
+/// How the mouse holds particles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grip {
+    /// By a spring instead of a hard hold.
+    pub soft: bool,
+    /// Stiffness of that spring, N/m.
+    pub stiffness: f64,
+}
+
+/// Scenes that the engine has been told to open, but has not answered about.
+struct Opening {
+    order: u64,
+    setups: Vec<LaneSetup>,
+    /// As they are on disk; none where that is not known.
+    saved: Option<Scene>,
+    /// It can be taken back.
+    undo: Option<Vec<LaneSetup>>,
+}
+
 /// What the panels read, and through which they ask.
 pub struct Session {
     link: Link,
@@ -35,15 +56,23 @@ pub struct Session {
     history: History,
     sent: u64,
     seen_refusal: u64,
+    opening: Option<Opening>,
     /// The lane that panels show and edit.
     pub lane: usize,
     /// Selected particles.
     pub selection: BTreeSet<u32>,
-    /// Held particles, with the place where each was taken, m.
+    /// How the mouse holds.
+    pub grip: Grip,
+    /// What was measured lately.
+    pub trace: Trace,
+    /// Held particles, with the place where each was taken, m, and how far they were moved since.
     held: Vec<(u32, DVec3)>,
+    moved: DVec3,
+    /// Number of the last state that was kept.
+    kept: u64,
     running: bool,
     values: Values,
-    saved: Scene,
+    saved: Option<Scene>,
     /// The last message to the user: what was refused, saved or undone.
     pub message: Option<String>,
 }
@@ -53,7 +82,7 @@ impl Session {
     pub fn new(link: Link, state: State, setups: Vec<LaneSetup>) -> Self {
         let drafts: Vec<Scene> = state.lanes.iter().map(|lane| lane.scene.clone()).collect();
         Self {
-            saved: drafts.first().cloned().unwrap_or_default(),
+            saved: drafts.first().cloned(),
             running: state.running,
             link,
             state: Arc::new(state),
@@ -62,9 +91,14 @@ impl Session {
             history: History::default(),
             sent: 0,
             seen_refusal: 0,
+            opening: None,
             lane: 0,
             selection: BTreeSet::new(),
+            grip: Grip { soft: false, stiffness: 100.0 },
+            trace: Trace::default(),
             held: Vec::new(),
+            moved: DVec3::ZERO,
+            kept: 0,
             values: Values::None,
             message: None,
         }
@@ -76,19 +110,49 @@ impl Session {
             Link::Thread(simulation) => simulation.state(),
             Link::Here(engine) => Arc::new(engine.state()),
         };
-        if let Some((order, why)) = &self.state.refusal
-            && *order > self.seen_refusal
-        {
+        let refusal = self.state.refusal.as_ref().filter(|(order, _)| *order > self.seen_refusal).cloned();
+        if let Some((order, why)) = &refusal {
             self.seen_refusal = *order;
             self.message = Some(why.clone());
+        }
+        if let Some(opening) = self.opening.take_if(|opening| self.state.orders >= opening.order)
+            && refusal.is_none_or(|(order, _)| order != opening.order)
+        {
+            self.has_opened(opening);
         }
         if self.state.orders >= self.sent {
             self.drafts = self.state.lanes.iter().map(|lane| lane.scene.clone()).collect();
             self.running = self.state.running;
+            self.lane = self.lane.min(self.state.lanes.len().saturating_sub(1));
         }
-        self.lane = self.lane.min(self.state.lanes.len().saturating_sub(1));
-        let particles = self.particles();
+        self.trace.follow(&self.state);
+        let particles = self.lane_state().map_or(0, |lane| lane.positions.len());
         self.selection.retain(|p| (*p as usize) < particles);
+    }
+
+    fn has_opened(&mut self, Opening { setups, saved, undo, .. }: Opening) {
+        if let Some(before) = undo {
+            let label = format!("open {}", setups.first().map_or("", |setup| &setup.title));
+            let (undo, redo) = (vec![Order::Open(before)], vec![Order::Open(setups.clone())]);
+            self.history.push(Edit { label, lane: None, undo, redo });
+            self.history.seal();
+        }
+        self.setups = setups;
+        self.saved = saved;
+        self.selection.clear();
+        self.held.clear();
+        self.trace.clear();
+        self.lane = 0;
+        self.start();
+    }
+
+    /// Lets time pass, unless the cloth would only fall out of sight.
+    pub fn start(&mut self) {
+        let hangs = self.state.lanes.iter().any(|lane| lane.pinned > 0 || !lane.scene.gravity.enabled);
+        if !hangs {
+            self.message = Some("nothing is pinned: select particles, P pins them, Space runs".to_owned());
+        }
+        self.run(hangs);
     }
 
     /// What the simulation looked like last.
@@ -96,13 +160,29 @@ impl Session {
         &self.state
     }
 
-    fn particles(&self) -> usize {
-        self.state.lanes.get(self.lane).map_or(0, |lane| lane.positions.len())
+    /// The lane that is edited.
+    pub fn lane_state(&self) -> Option<&Arc<LaneState>> {
+        self.state.lanes.get(self.lane)
+    }
+
+    /// Whether the simulation has not answered to everything yet.
+    pub fn is_waiting(&self) -> bool {
+        self.state.orders < self.sent
+    }
+
+    /// The scene that is being opened.
+    pub fn opening(&self) -> Option<&str> {
+        self.opening.as_ref().and_then(|opening| opening.setups.first()).map(|setup| setup.title.as_str())
     }
 
     /// The scene of the lane that is edited, as it will be.
     pub fn scene(&self) -> &Scene {
         &self.drafts[self.lane.min(self.drafts.len() - 1)]
+    }
+
+    /// The scenes of all lanes, as they will be.
+    pub fn scenes(&self) -> &[Scene] {
+        &self.drafts
     }
 
     /// Sends an order that cannot be taken back.
@@ -135,60 +215,107 @@ impl Session {
 
     /// Sets what a key in the scene names, from RON text; for all lanes unless `only` one is meant.
     pub fn set(&mut self, only: Option<usize>, key: &str, value: &str, before: &str) {
+        self.set_all(only, key, &[(key.to_owned(), value.to_owned(), before.to_owned())]);
+    }
+
+    /// Sets several keys as one edit: key, value, and the value before.
+    pub fn set_all(&mut self, only: Option<usize>, label: &str, changes: &[(String, String, String)]) {
         let mut draft = self.scene().clone();
-        if let Err(refusal) = draft.set_key(key, value) {
-            self.message = Some(refusal.to_string());
-            return;
+        for (key, value, _) in changes {
+            if let Err(refusal) = draft.set_key(key, value) {
+                self.message = Some(refusal.to_string());
+                return;
+            }
         }
-        let command = |value: &str| Command::Set { key: key.to_owned(), value: value.to_owned() };
-        let edit = Edit {
-            label: key.to_owned(),
-            lane: only,
-            undo: vec![command(before)],
-            redo: vec![command(value)],
+        let set = |key: &str, value: &str| Command::Set { key: key.to_owned(), value: value.to_owned() };
+        let redo: Vec<_> = changes.iter().map(|(key, value, _)| (only, set(key, value))).collect();
+        let undo: Vec<_> = changes.iter().rev().map(|(key, _, before)| (only, set(key, before))).collect();
+        let apply = |(lane, command)| Order::Apply(lane, command);
+        // What has torn, or was replaced, is not brought back by a setting, but with the state.
+        let tears = draft.tearing.enabled || self.scene().tearing.enabled;
+        let loses = tears || changes.iter().any(|(key, ..)| key.starts_with("target"));
+        let grows = self.history.is_growing(label, only);
+        let (undo, redo_orders) = if loses && !grows {
+            self.kept += 1;
+            self.order(Order::Keep(self.kept));
+            let number = self.kept;
+            let back = Order::Exchange { number, otherwise: undo };
+            (vec![back], vec![Order::Exchange { number, otherwise: redo.clone() }])
+        } else if loses {
+            (Vec::new(), vec![Order::Exchange { number: self.kept, otherwise: redo.clone() }])
+        } else {
+            (undo.into_iter().map(apply).collect(), redo.iter().cloned().map(apply).collect())
         };
-        self.edit(edit);
+        self.message = None;
+        self.history.push(Edit { label: label.to_owned(), lane: only, undo, redo: redo_orders });
+        let redo: Vec<Order> = redo.into_iter().map(apply).collect();
+        self.send(&redo);
     }
 
     /// Pins what is selected, or frees it if all of it is pinned.
     pub fn pin_selection(&mut self) {
-        let scene_pins = |particle: &u32| {
-            let flags = &self.state.lanes[self.lane].flags;
-            flags.get(*particle as usize).is_some_and(|flag| flag & super::render::flag::PINNED != 0)
-        };
-        let (pinned, free): (Vec<u32>, Vec<u32>) = self.selection.iter().copied().partition(scene_pins);
-        if pinned.is_empty() && free.is_empty() {
+        let particles: Vec<u32> = self.selection.iter().copied().collect();
+        let all_pinned = particles.iter().all(|p| self.is_pinned(*p));
+        self.pin(&particles, !all_pinned);
+    }
+
+    /// Pins or frees particles.
+    pub fn pin(&mut self, particles: &[u32], pinned: bool) {
+        let particles: Vec<u32> =
+            particles.iter().copied().filter(|p| self.is_pinned(*p) != pinned).collect();
+        if particles.is_empty() {
             return;
         }
-        let edit = if free.is_empty() {
-            let particles = pinned;
-            let undo = vec![Command::Pin { particles: particles.clone() }];
-            Edit { label: "free".to_owned(), lane: None, undo, redo: vec![Command::Free { particles }] }
-        } else {
-            let particles = free;
-            let undo = vec![Command::Free { particles: particles.clone() }];
-            Edit { label: "pin".to_owned(), lane: None, undo, redo: vec![Command::Pin { particles }] }
+        let (label, other) = if pinned { ("pin", "free") } else { ("free", "pin") };
+        let order = |name: &str| {
+            let particles = particles.clone();
+            let command =
+                if name == "pin" { Command::Pin { particles } } else { Command::Free { particles } };
+            vec![Order::Apply(None, command)]
         };
-        self.edit(edit);
-    }
-
-    /// Does an edit and remembers it.
-    fn edit(&mut self, edit: Edit) {
+        let edit = Edit { label: label.to_owned(), lane: None, undo: order(other), redo: order(label) };
         self.message = None;
-        self.send_all(edit.lane, &edit.redo);
+        self.send(&edit.redo);
         self.history.push(edit);
+        self.history.seal();
     }
 
-    fn send_all(&mut self, lane: Option<usize>, commands: &[Command]) {
-        for command in commands {
-            if let Command::Set { key, value } = command {
-                let drafts = self.drafts.iter_mut().enumerate();
-                for (_, draft) in drafts.filter(|(i, _)| lane.is_none_or(|only| only == *i)) {
-                    // Refused by the draft as by the world, which tells why.
-                    let _ = draft.set_key(key, value);
+    /// The particles that are pinned.
+    pub fn pinned(&self) -> Vec<u32> {
+        let flags = self.lane_state().map(|lane| Arc::clone(&lane.flags)).unwrap_or_default();
+        (0..).zip(flags.iter()).filter(|(_, flag)| **flag & flag::PINNED != 0).map(|(i, _)| i).collect()
+    }
+
+    fn is_pinned(&self, particle: u32) -> bool {
+        let flag = self.lane_state().and_then(|lane| lane.flags.get(particle as usize).copied());
+        flag.is_some_and(|flag| flag & flag::PINNED != 0)
+    }
+
+    /// Sends orders of an edit, and shows at once what they will set.
+    fn send(&mut self, orders: &[Order]) {
+        for order in orders {
+            match order {
+                Order::Apply(lane, command) => self.foresee(*lane, command),
+                Order::Exchange { otherwise, .. } => {
+                    otherwise.iter().for_each(|(lane, command)| self.foresee(*lane, command));
                 }
+                Order::Open(setups) => {
+                    let setups = setups.clone();
+                    self.opening = Some(Opening { order: self.sent + 1, setups, saved: None, undo: None });
+                }
+                _ => {}
             }
-            self.order(Order::Apply(lane, command.clone()));
+            self.order(order.clone());
+        }
+    }
+
+    fn foresee(&mut self, lane: Option<usize>, command: &Command) {
+        if let Command::Set { key, value } = command {
+            let drafts = self.drafts.iter_mut().enumerate();
+            for (_, draft) in drafts.filter(|(i, _)| lane.is_none_or(|only| only == *i)) {
+                // Refused by the draft as by the world, which tells why.
+                let _ = draft.set_key(key, value);
+            }
         }
     }
 
@@ -201,7 +328,7 @@ impl Session {
     pub fn undo(&mut self) {
         if let Some(edit) = self.history.undo() {
             self.message = Some(format!("undone: {}", edit.label));
-            self.send_all(edit.lane, &edit.undo);
+            self.send(&edit.undo);
         }
     }
 
@@ -209,7 +336,7 @@ impl Session {
     pub fn redo(&mut self) {
         if let Some(edit) = self.history.redo() {
             self.message = Some(format!("done again: {}", edit.label));
-            self.send_all(edit.lane, &edit.redo);
+            self.send(&edit.redo);
         }
     }
 
@@ -221,38 +348,83 @@ impl Session {
     /// Puts the cloth back to the start of its scene.
     pub fn reset(&mut self) {
         self.held.clear();
+        self.message = None;
         self.order(Order::Apply(None, Command::Reset));
     }
 
-    /// Opens other lanes.
+    /// Opens other lanes. Until they are built, and if they are refused, everything stays as it is.
     pub fn open(&mut self, setups: Vec<LaneSetup>) {
         let Some(first) = setups.first() else { return };
-        self.saved = first.scene.clone();
-        self.drafts = setups.iter().map(|setup| setup.scene.clone()).collect();
-        self.setups.clone_from(&setups);
-        self.selection.clear();
-        self.held.clear();
-        self.history = History::default();
-        self.lane = 0;
+        // A mesh without a scene is nothing that was saved.
+        let saved = Some(first.scene.clone());
         self.message = None;
+        let undo = Some(self.setups_now());
+        self.opening = Some(Opening { order: self.sent + 1, setups: setups.clone(), saved, undo });
         self.order(Order::Open(setups));
+    }
+
+    fn setups_now(&self) -> Vec<LaneSetup> {
+        let lanes = self.setups.iter().zip(&self.drafts);
+        lanes.map(|(setup, scene)| LaneSetup { scene: scene.clone(), ..setup.clone() }).collect()
+    }
+
+    /// Adds a lane that goes on from the lane of this number with another method, or with the same.
+    pub fn add_lane(&mut self, method: Option<&str>) {
+        let (Some(setup), Some(draft)) = (self.setups.first().cloned(), self.drafts.get(self.lane)) else {
+            return;
+        };
+        let mut draft = draft.clone();
+        let settings: Vec<_> =
+            method.map(|id| ("simulator.id".to_owned(), format!("{id:?}"))).into_iter().collect();
+        for (key, value) in &settings {
+            if let Err(refusal) = draft.set_key(key, value) {
+                self.message = Some(refusal.to_string());
+                return;
+            }
+        }
+        let title = setup.title.clone();
+        self.drafts.push(draft);
+        self.setups.push(setup);
+        self.order(Order::AddLane { from: self.lane, title, settings });
+        self.lane = self.drafts.len() - 1;
+    }
+
+    /// Removes a lane; the last one stays.
+    pub fn remove_lane(&mut self, lane: usize) {
+        if self.drafts.len() > 1 && lane < self.drafts.len() {
+            self.drafts.remove(lane);
+            self.setups.remove(lane.min(self.setups.len() - 1));
+            self.history.remove_lane(lane);
+            if self.lane >= lane {
+                self.lane = self.lane.saturating_sub(1);
+            }
+            self.order(Order::RemoveLane(lane));
+        }
     }
 
     /// Whether the scene differs from the file that it came from.
     pub fn is_unsaved(&self) -> bool {
-        self.drafts.first() != Some(&self.saved)
+        self.drafts.first() != self.saved.as_ref()
     }
 
-    /// The scene has been written.
-    pub fn mark_saved(&mut self) {
-        if let Some(first) = self.drafts.first() {
-            self.saved.clone_from(first);
+    /// The scene has been written to a file.
+    pub fn has_saved(&mut self, file: PathBuf) {
+        self.saved = self.drafts.first().cloned();
+        self.message = Some(format!("saved {}", file.display()));
+        if let Some(setup) = self.setups.first_mut() {
+            setup.title = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            setup.file = Some(file);
         }
     }
 
     /// Name of the scene that is open.
     pub fn title(&self) -> &str {
         self.setups.first().map_or("", |setup| &setup.title)
+    }
+
+    /// The file of the scene that is open.
+    pub fn file(&self) -> Option<&PathBuf> {
+        self.setups.first().and_then(|setup| setup.file.as_ref())
     }
 
     /// Where the open scene's meshes are.
@@ -262,34 +434,53 @@ impl Session {
 
     /// Takes hold of a particle, and of the selection if it is part of it.
     pub fn grab(&mut self, particle: u32) {
+        let Some(lane) = self.lane_state().cloned() else { return };
         let particles: Vec<u32> = if self.selection.contains(&particle) {
             self.selection.iter().copied().collect()
         } else {
             vec![particle]
         };
-        let positions = &self.state.lanes[self.lane].positions;
-        self.held = particles
-            .iter()
-            .filter_map(|&p| Some((p, glam::Vec3::from(*positions.get(p as usize)?).as_dvec3())))
-            .collect();
-        self.order(Order::Apply(None, Command::Grab { particles }));
+        let place = |p: u32| Some((p, glam::Vec3::from(*lane.positions.get(p as usize)?).as_dvec3()));
+        self.held = particles.iter().filter_map(|&p| place(p)).collect();
+        self.moved = DVec3::ZERO;
+        self.kept += 1;
+        self.order(Order::Keep(self.kept));
+        let Grip { soft, stiffness } = self.grip;
+        let command = if soft { Command::Pull { particles, stiffness } } else { Command::Grab { particles } };
+        self.order(Order::Apply(None, command));
     }
 
     /// Moves what is held to this far from where it was taken, m.
     pub fn drag(&mut self, by: DVec3) {
+        self.moved = by;
         let to = self.held.iter().map(|(particle, from)| (*particle, *from + by)).collect();
         self.order(Order::Drag(to));
     }
 
-    /// Lets go.
-    pub fn release(&mut self) {
-        let particles = std::mem::take(&mut self.held).into_iter().map(|(particle, _)| particle).collect();
-        self.order(Order::Apply(None, Command::Release { particles }));
+    /// The hands of a mouse spring: the particle that each pulls, and where it is, m.
+    pub fn pulling_hands(&self) -> impl Iterator<Item = (u32, DVec3)> + '_ {
+        let soft = self.grip.soft;
+        self.held.iter().filter(move |_| soft).map(|(particle, from)| (*particle, *from + self.moved))
     }
 
-    /// Puts back what is held, and lets go.
+    /// Lets go. The drag can be taken back: the cloth then hangs as it did before.
+    pub fn release(&mut self) {
+        let particles: Vec<u32> =
+            std::mem::take(&mut self.held).into_iter().map(|(particle, _)| particle).collect();
+        if particles.is_empty() {
+            return;
+        }
+        self.order(Order::Apply(None, Command::Release { particles }));
+        let exchange = vec![Order::Exchange { number: self.kept, otherwise: Vec::new() }];
+        let edit = Edit { label: "drag".to_owned(), lane: None, undo: exchange.clone(), redo: exchange };
+        self.history.push(edit);
+        self.history.seal();
+    }
+
+    /// Lets go, and puts everything back as it was when it was taken.
     pub fn cancel_drag(&mut self) {
-        self.drag(DVec3::ZERO);
-        self.release();
+        if !std::mem::take(&mut self.held).is_empty() {
+            self.order(Order::Exchange { number: self.kept, otherwise: Vec::new() });
+        }
     }
 }

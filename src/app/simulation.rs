@@ -5,16 +5,19 @@ use std::{
         Arc, Mutex, PoisonError,
         mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel},
     },
+    thread::JoinHandle,
     time::{Duration, Instant},
 };
 
 use super::engine::{Engine, Order, State};
+use crate::world::Command;
 
 /// The interface's end.
 pub struct Simulation {
     orders: Sender<Order>,
     sent: u64,
     state: Arc<Mutex<Arc<State>>>,
+    thread: Option<JoinHandle<Engine>>,
 }
 
 /// Pictures of the state at most this often; more would only be copied, never seen.
@@ -29,10 +32,16 @@ impl Simulation {
         let (orders, inbox) = channel();
         let state = Arc::new(Mutex::new(Arc::new(engine.state())));
         let outbox = Arc::clone(&state);
-        std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
+        let thread = std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
             run(&mut engine, &inbox, &outbox, wake);
+            engine
         })?;
-        Ok(Self { orders, sent: 0, state })
+        Ok(Self { orders, sent: 0, state, thread: Some(thread) })
+    }
+
+    /// The thread, the first time: it ends once this is dropped, and gives the engine back.
+    pub fn thread(&mut self) -> Option<JoinHandle<Engine>> {
+        self.thread.take()
     }
 
     /// Sends an order. It is taken between two steps.
@@ -59,17 +68,17 @@ fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>,
     let mut last = Instant::now();
     let mut told = Instant::now();
     let mut news = true;
+    let mut waiting = Vec::new();
     loop {
         loop {
             match inbox.try_recv() {
-                Ok(order) => {
-                    engine.take(order);
-                    news = true;
-                }
+                Ok(order) => waiting.push(order),
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => return,
             }
         }
+        news |= !waiting.is_empty();
+        take_all(engine, &mut waiting);
         let now = Instant::now();
         let elapsed = now.duration_since(std::mem::replace(&mut last, now));
         news |= engine.advance(elapsed, || false);
@@ -86,13 +95,32 @@ fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>,
             continue;
         }
         match inbox.recv_timeout(idle) {
-            Ok(order) => {
-                engine.take(order);
-                news = true;
-            }
+            Ok(order) => waiting.push(order),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
         }
+    }
+}
+
+/// Takes the orders that came while a step was taken. A slider's earlier values are needless then: the last one stands.
+fn take_all(engine: &mut Engine, waiting: &mut Vec<Order>) {
+    let mut orders = waiting.drain(..).peekable();
+    while let Some(order) = orders.next() {
+        if orders.peek().is_some_and(|next| replaces(next, &order)) {
+            engine.skip();
+        } else {
+            engine.take(order);
+        }
+    }
+}
+
+fn replaces(next: &Order, order: &Order) -> bool {
+    match (next, order) {
+        (Order::Apply(a, Command::Set { key: new, .. }), Order::Apply(b, Command::Set { key: old, .. })) => {
+            a == b && new == old
+        }
+        (Order::Drag(new), Order::Drag(old)) => new.iter().map(|d| d.0).eq(old.iter().map(|d| d.0)),
+        _ => false,
     }
 }
 
@@ -102,12 +130,11 @@ mod tests {
     use crate::{
         app::engine::LaneSetup,
         scene::{Place, Scene},
-        world::Command,
     };
 
     fn start(ron: &str) -> Simulation {
         let scene = Scene::from_ron(ron).expect("a scene");
-        let setup = LaneSetup { title: "test".to_owned(), scene, place: Place::default() };
+        let setup = LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None };
         Simulation::start(Engine::new(vec![setup]).expect("opens"), || {}).expect("a thread")
     }
 

@@ -20,8 +20,10 @@ pub struct Viewport {
     pub camera: Camera,
     /// What the mouse does.
     pub hands: Hands,
-    /// Where the picture is in the window, points.
-    rect: egui::Rect,
+    /// Where the pictures are in the window, points: one, or a tile for each lane.
+    rects: Vec<egui::Rect>,
+    /// The tile that the mouse is over, or in which it was pressed.
+    pub active: usize,
     pixels_per_point: f32,
     /// The button presses that began here, and not on a panel above.
     pressed: bool,
@@ -32,7 +34,8 @@ impl Default for Viewport {
         Self {
             camera: Camera::default(),
             hands: Hands::default(),
-            rect: egui::Rect::ZERO,
+            rects: vec![egui::Rect::ZERO],
+            active: 0,
             pixels_per_point: 1.0,
             pressed: false,
         }
@@ -40,16 +43,40 @@ impl Default for Viewport {
 }
 
 impl Viewport {
-    /// Size, pixels.
+    /// Size of the picture, or of each tile, pixels.
     pub fn size(&self) -> Vec2 {
-        Vec2::new(self.rect.width(), self.rect.height()) * self.pixels_per_point
+        let rect = self.rect();
+        Vec2::new(rect.width(), rect.height()) * self.pixels_per_point
     }
 
-    /// Takes the rest of `ui` and the mouse over it; does what the camera can do and returns what the others must.
-    pub fn ui(&mut self, ui: &mut egui::Ui, target: &picking::Target<'_>) -> Vec<Intent> {
+    /// The tile that the mouse is over, points.
+    fn rect(&self) -> egui::Rect {
+        self.rects.get(self.active).or(self.rects.first()).copied().unwrap_or(egui::Rect::ZERO)
+    }
+
+    /// All tiles, points.
+    pub fn rects(&self) -> &[egui::Rect] {
+        &self.rects
+    }
+
+    /// Takes the rest of `ui`, divided into so many tiles, and the mouse over it; `target` is what can be picked in a tile. Does what
+    /// the camera can do and returns what the others must.
+    pub fn ui<'a>(
+        &mut self,
+        ui: &mut egui::Ui,
+        tiles: usize,
+        target: impl Fn(usize) -> picking::Target<'a>,
+    ) -> Vec<Intent> {
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Canvas, true, "Viewport"));
-        self.rect = rect;
+        self.rects = divide(rect, tiles.max(1));
+        self.active = self.active.min(self.rects.len() - 1);
+        if let Some(at) = response.hover_pos()
+            && !self.pressed
+            && let Some(tile) = self.rects.iter().position(|rect| rect.contains(at))
+        {
+            self.active = tile;
+        }
         self.pixels_per_point = ui.pixels_per_point();
         let pointer = self.pointer(ui, &response);
         let size = self.size();
@@ -58,6 +85,7 @@ impl Viewport {
         }
         let tolerance = PICK_TOLERANCE * self.pixels_per_point;
         let camera = self.camera;
+        let target = &target(self.active);
         let mut intents = self.hands.update(
             &pointer,
             &camera,
@@ -109,18 +137,19 @@ impl Viewport {
     }
 
     fn to_pixel(&self, point: Pos2) -> Vec2 {
-        Vec2::new(point.x - self.rect.min.x, point.y - self.rect.min.y) * self.pixels_per_point
+        let min = self.rect().min;
+        Vec2::new(point.x - min.x, point.y - min.y) * self.pixels_per_point
     }
 
     fn to_point(&self, pixel: Vec2) -> Pos2 {
-        self.rect.min + egui::vec2(pixel.x, pixel.y) / self.pixels_per_point
+        self.rect().min + egui::vec2(pixel.x, pixel.y) / self.pixels_per_point
     }
 
     fn paint_outline(&self, ui: &egui::Ui, at: Vec2) {
         let outline: Vec<Pos2> = self.hands.outline(at).into_iter().map(|p| self.to_point(p)).collect();
         if outline.len() > 1 {
             let colour = Color32::from_rgb(80, 200, 255);
-            let painter = ui.painter_at(self.rect);
+            let painter = ui.painter_at(self.rect());
             if let [a, _, b, _] = outline[..] {
                 painter.rect_filled(egui::Rect::from_two_pos(a, b), 0.0, colour.gamma_multiply(0.08));
             }
@@ -128,11 +157,25 @@ impl Viewport {
         }
     }
 
+    /// A line from each particle to the hand whose spring pulls it.
+    pub fn paint_springs(&self, ui: &egui::Ui, springs: &[(Vec3, Vec3)]) {
+        let (projector, painter) = (self.camera.projector(self.size()), ui.painter_at(self.rect()));
+        let colour = Color32::from_rgb(255, 220, 120);
+        for (particle, hand) in springs {
+            if let (Some(from), Some(to)) = (projector.pixel(*particle), projector.pixel(*hand)) {
+                let (from, to) = (self.to_point(from.pixel), self.to_point(to.pixel));
+                painter.line_segment([from, to], Stroke::new(1.5, colour));
+                painter.circle_filled(to, 4.0, colour);
+            }
+        }
+    }
+
     /// Three short axes in a corner: which way is up.
     pub fn paint_axes(&self, ui: &egui::Ui) {
         let [right, up, forward] = self.camera.axes();
-        let origin = egui::pos2(self.rect.min.x + 40.0, self.rect.max.y - 40.0);
-        let painter = ui.painter_at(self.rect);
+        let Some(rect) = self.rects.first() else { return };
+        let origin = egui::pos2(rect.min.x + 40.0, rect.max.y - 40.0);
+        let painter = ui.painter_at(*rect);
         let mut axes = [
             (Vec3::X, "x", Color32::from_rgb(226, 90, 92)),
             (Vec3::Y, "y", Color32::from_rgb(120, 196, 96)),
@@ -150,6 +193,21 @@ impl Viewport {
     }
 }
 
+/// Divides a rectangle into equal tiles, in as many columns as keeps them broad.
+fn divide(rect: egui::Rect, tiles: usize) -> Vec<egui::Rect> {
+    let columns = (1..=tiles).find(|columns| columns * columns * 2 >= tiles).unwrap_or(1);
+    let columns = if tiles == 2 { 2 } else { columns.max(usize::from(tiles > 2) * 2) };
+    let rows = tiles.div_ceil(columns);
+    let size = egui::vec2(rect.width() / columns as f32, rect.height() / rows as f32);
+    let at = |i: usize| egui::vec2((i % columns) as f32 * size.x, (i / columns) as f32 * size.y);
+    let mut rects: Vec<_> = (0..tiles).map(|i| egui::Rect::from_min_size(rect.min + at(i), size)).collect();
+    if let Some(last) = rects.last_mut() {
+        // What is left of the last row belongs to its last tile.
+        last.max = rect.max;
+    }
+    rects
+}
+
 /// The device's side of the viewports: pipelines, and one view for each tile.
 pub struct Drawing {
     renderer: Renderer,
@@ -159,8 +217,10 @@ pub struct Drawing {
 
 /// One tile of a picture.
 pub struct Tile<'a> {
-    /// Camera and place.
-    pub viewport: &'a Viewport,
+    /// Where one looks from.
+    pub camera: &'a Camera,
+    /// Where it is in the window, points.
+    pub rect: egui::Rect,
     /// The lanes drawn in it, by number.
     pub lanes: std::ops::Range<usize>,
     /// Height of the ground, m.
@@ -191,8 +251,9 @@ impl Drawing {
         self.uploaded = 0;
         for (tile, view) in tiles.iter().zip(&mut self.views) {
             let look = Look {
-                camera: &tile.viewport.camera,
-                size: tile.viewport.size().max(Vec2::ONE),
+                camera: tile.camera,
+                size: (Vec2::new(tile.rect.width(), tile.rect.height()) * canvas.pixels_per_point)
+                    .max(Vec2::ONE),
                 pixels_per_point: canvas.pixels_per_point,
                 ground_height: tile.ground_height,
                 bounds: tile.bounds,
@@ -203,8 +264,8 @@ impl Drawing {
         }
         let mut pass = canvas.attachments.begin(canvas.encoder, canvas.target, wgpu::Color::BLACK);
         for (tile, view) in tiles.iter().zip(&self.views) {
-            let min = tile.viewport.rect.min * canvas.pixels_per_point;
-            let size = tile.viewport.size();
+            let min = tile.rect.min * canvas.pixels_per_point;
+            let size = tile.rect.size() * canvas.pixels_per_point;
             // A layout may reach past the window for a frame while it is resized.
             let x = min.x.clamp(0.0, width as f32 - 1.0);
             let y = min.y.clamp(0.0, height as f32 - 1.0);

@@ -1,16 +1,20 @@
-//! The workbench: panels around the viewport, and what the keys and the mouse do.
+//! The workbench: panels around the viewport, and what the keys, the menus and the mouse do.
 
-use std::time::Instant;
+use std::{path::PathBuf, sync::Arc, time::Instant};
 
-use egui::{Key, Modifiers, Ui};
+use egui::{Ui, ViewportCommand};
 use glam::Vec3;
 
 use super::{
-    camera::{Bounds, Side},
+    camera::Bounds,
     engine::{LaneState, Order, Values},
-    hands::Intent,
-    panels, picking,
-    render::{Cloth, Frame, Style, Theme, flag},
+    files::{Files, Next, Purpose},
+    gallery::Gallery,
+    hands::{Intent, Tool},
+    panels::{self, Action, Ask, Display},
+    picking,
+    preferences::Preferences,
+    render::{Cloth, Frame, Ramp, Style, Theme, flag},
     session::Session,
     shell::{Canvas, Content, Stage},
     theme,
@@ -23,107 +27,392 @@ pub struct Workbench {
     pub session: Session,
     /// What is shown.
     pub style: Style,
-    viewport: Viewport,
+    /// How lanes are shown.
+    pub display: Display,
+    /// What is being opened and saved.
+    pub files: Files,
+    preferences_file: Option<PathBuf>,
+    ask: Option<Ask>,
+    shows_gallery: bool,
+    shows_help: bool,
+    gallery: Gallery,
+    /// Where one looks from, and the mouse.
+    pub viewport: Viewport,
     drawing: Option<(Drawing, Vec<Cloth>)>,
     device: String,
-    /// The first frame looks at the whole cloth.
-    focus: bool,
+    window_title: String,
+    /// The next frame looks at the whole cloth.
+    focus: Option<Focus>,
     /// Counts what the cloth on the device must follow: new states, selections, blends.
     frame: u64,
     positions: Vec<[f32; 3]>,
     flags: Vec<u32>,
     ground_height: f32,
-    finished: bool,
+    is_finished: bool,
+}
+
+/// What the next frame is to look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Focus {
+    /// A scene that has just been opened.
+    Opened,
+    /// The selection, or the whole cloth.
+    Wanted,
 }
 
 impl Workbench {
-    /// A workbench without a device: its panels work, nothing is drawn.
+    /// A workbench without a device: its panels work, nothing is drawn, and nothing is remembered.
     pub fn new(session: Session) -> Self {
+        Self::with(session, Preferences::default(), None)
+    }
+
+    /// A workbench that remembers its preferences in a file.
+    pub fn with(session: Session, preferences: Preferences, file: Option<PathBuf>) -> Self {
         Self {
             session,
-            style: Style::default(),
+            style: preferences.style.clone(),
+            display: Display::default(),
+            files: Files::new(preferences),
+            preferences_file: file,
+            ask: None,
+            shows_gallery: false,
+            shows_help: false,
+            gallery: Gallery::default(),
             viewport: Viewport::default(),
             drawing: None,
             device: String::new(),
-            focus: true,
+            window_title: String::new(),
+            focus: Some(Focus::Opened),
             frame: 0,
             positions: Vec::new(),
             flags: Vec::new(),
             ground_height: 0.0,
-            finished: false,
+            is_finished: false,
         }
     }
 
-    /// Draws on a device from now on.
+    /// Draws on a device from now on, and reads files on threads.
     pub fn attach(&mut self, stage: &Stage<'_>) {
         self.drawing = Some((Drawing::new(stage), Vec::new()));
         self.device = stage.gpu.description();
+        self.files.attach(stage.egui);
         theme::apply(stage.egui);
+    }
+
+    /// Bytes uploaded for the last picture.
+    pub fn uploaded(&self) -> u64 {
+        self.drawing.as_ref().map_or(0, |(drawing, _)| drawing.uploaded())
     }
 
     /// One frame of panels and input.
     pub fn ui(&mut self, ui: &mut Ui) {
+        let was_open = self.session.opening().is_some();
         self.session.refresh();
-        self.keys(ui);
+        if was_open && self.session.opening().is_none() {
+            self.focus = Some(Focus::Opened);
+        }
+        self.poll(ui);
+        let closes = (self.shows_help || self.shows_gallery) && self.ask.is_none();
+        if closes && ui.input_mut(|input| input.consume_key(egui::Modifiers::NONE, egui::Key::Escape)) {
+            (self.shows_help, self.shows_gallery) = (false, false);
+        }
+        if self.ask.is_none() {
+            for action in panels::pressed(ui) {
+                self.perform(&action);
+            }
+        }
         let dark = self.style.theme == Theme::Dark;
-        ui.ctx().set_theme(if dark { egui::Theme::Dark } else { egui::Theme::Light });
+        let wanted = if dark { egui::Theme::Dark } else { egui::Theme::Light };
+        if ui.ctx().theme() != wanted {
+            ui.ctx().set_theme(wanted);
+            // What was laid out before has the old colours.
+            ui.ctx().request_repaint();
+        }
+        self.panels_ui(ui);
+        self.session.want(match () {
+            () if self.by_distance() => Values::Distance,
+            () if self.style.surface_values => Values::Strain,
+            () => Values::None,
+        });
+        egui::CentralPanel::no_frame().show(ui, |ui| {
+            panels::banner_ui(ui, &mut self.session);
+            self.viewport_ui(ui);
+        });
+        self.windows_ui(ui);
+        self.title(ui);
+    }
+
+    fn panels_ui(&mut self, ui: &mut Ui) {
+        let mut actions = Vec::new();
         egui::Panel::top("top").show(ui, |ui| {
-            ui.horizontal(|ui| {
-                ui.strong("Tenter");
+            egui::MenuBar::new().ui(ui, |ui| {
+                actions.extend(panels::menu_ui(ui, &self.session, &self.files));
                 ui.separator();
-                panels::transport_ui(ui, &mut self.session);
+                actions.extend(panels::transport_ui(ui, &mut self.session));
+                ui.separator();
+                panels::hands_ui(ui, &mut self.session, &mut self.viewport.hands.tool);
             });
         });
         egui::Panel::bottom("status").show(ui, |ui| {
-            let uploaded = self.drawing.as_ref().map_or(0, |(drawing, _)| drawing.uploaded());
-            panels::status_ui(ui, &self.session, &self.device, uploaded);
+            let uploaded = self.uploaded();
+            panels::status_ui(ui, &self.session, self.files.loading(), &self.device, uploaded);
         });
-        egui::Panel::left("simulation").default_size(320.0).size_range(260.0..=480.0).show(ui, |ui| {
+        let [left, right, bottom] = self.files.preferences.panels;
+        let widths = &mut self.files.preferences.panels;
+        let lanes = self.session.state().lanes.len();
+        if lanes > 1 {
+            let panel = egui::Panel::bottom("lanes").resizable(true).default_size(bottom);
+            let shown = panel.size_range(96.0..=320.0).show(ui, |ui| {
+                panels::lanes_ui(ui, &mut self.session, &mut self.display);
+            });
+            widths[2] = shown.response.rect.height();
+        }
+        let shown = egui::Panel::left("left").default_size(left).size_range(280.0..=480.0).show(ui, |ui| {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                ui.heading("Simulation");
-                panels::simulation_ui(ui, &mut self.session);
+                section(ui, "Target", |ui| actions.extend(panels::target_ui(ui, &mut self.session)));
+                section(ui, "Simulation", |ui| panels::simulation_ui(ui, &mut self.session));
             });
         });
-        egui::Panel::right("display").default_size(270.0).size_range(220.0..=420.0).show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                ui.heading("Health");
-                panels::health_ui(ui, &self.session);
-                ui.separator();
-                ui.heading("Display");
-                panels::display_ui(ui, &mut self.style);
+        widths[0] = shown.response.rect.width();
+        let lanes = self.session.state().lanes.len();
+        let shown =
+            egui::Panel::right("right").default_size(right).size_range(240.0..=440.0).show(ui, |ui| {
+                egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    section(ui, "Health", |ui| panels::health_ui(ui, &self.session));
+                    section(ui, "Display", |ui| {
+                        panels::display_ui(ui, &mut self.style, &mut self.display, lanes);
+                    });
+                });
             });
-        });
-        self.session.want(if self.style.surface_values { Values::Strain } else { Values::None });
-        egui::CentralPanel::no_frame().show(ui, |ui| self.viewport_ui(ui));
+        widths[1] = shown.response.rect.width();
+        for action in actions {
+            self.perform(&action);
+        }
+    }
+
+    /// What lies over the viewport: questions, gallery, help, and the hint that a file may be dropped.
+    fn windows_ui(&mut self, ui: &Ui) {
+        let ctx = ui.ctx().clone();
+        if self.shows_gallery {
+            if self.drawing.is_some() {
+                self.gallery.start(&ctx, &self.style);
+            }
+            self.gallery.poll(&ctx);
+            if let Some(name) = panels::gallery_ui(&ctx, &mut self.shows_gallery, &self.gallery) {
+                self.request(Next::Open(name.to_owned()));
+            }
+        }
+        if self.shows_help {
+            panels::help_ui(&ctx, &mut self.shows_help);
+        }
+        let is_asking = matches!(self.ask, Some(Ask::Unsaved(_)));
+        if let Some(next) = panels::dialog_ui(&ctx, &mut self.ask, &mut self.session, &mut self.files) {
+            if is_asking {
+                self.go_on(next);
+            } else {
+                self.request(next);
+            }
+        }
+        let is_hovered = ctx.input(|input| !input.raw.hovered_files.is_empty());
+        if is_hovered && let Some(rect) = self.viewport.rects().iter().copied().reduce(egui::Rect::union) {
+            let painter =
+                ctx.layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop")));
+            painter.rect_filled(rect, 0.0, egui::Color32::from_black_alpha(140));
+            let font = egui::FontId::proportional(20.0);
+            let text = "Drop a scene or a mesh to open it";
+            painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, font, egui::Color32::WHITE);
+        }
+    }
+
+    /// Takes what threads and the system have brought.
+    fn poll(&mut self, ui: &Ui) {
+        let (picked, next) = self.files.poll(&mut self.session);
+        match picked {
+            Some((Purpose::Open, path)) => {
+                self.ask = None;
+                self.request(Next::Open(path.to_string_lossy().into_owned()));
+            }
+            Some((Purpose::Save, path)) => {
+                let after = match self.ask.take() {
+                    Some(Ask::Save(_, after)) => after,
+                    _ => None,
+                };
+                self.files.save(&self.session, &path, after);
+            }
+            Some((Purpose::Record, path)) => {
+                self.ask = None;
+                Files::record(&mut self.session, &path);
+            }
+            None => {}
+        }
+        if let Some(next) = next {
+            self.go_on(next);
+        }
+        let dropped = ui.input(|input| input.raw.dropped_files.last().map(|file| file.path().to_owned()));
+        if let Some(path) = dropped {
+            self.request(Next::Open(path.to_string_lossy().into_owned()));
+        }
+    }
+
+    /// Does what loses the scene, but asks first whether its changes are to be saved.
+    fn request(&mut self, next: Next) {
+        if self.session.is_unsaved() && next != Next::Ask {
+            self.ask = Some(Ask::Unsaved(next));
+        } else {
+            self.go_on(next);
+        }
+    }
+
+    fn go_on(&mut self, next: Next) {
+        match next {
+            Next::New => self.files.open("sheet"),
+            Next::Ask => self.ask = Some(Ask::Open(String::new())),
+            Next::Open(name) => self.files.open(&name),
+            Next::Quit => self.is_finished = true,
+        }
+    }
+
+    /// Does what a key, a menu or a button asks for.
+    pub fn perform(&mut self, action: &Action) {
+        let session = &mut self.session;
+        match action {
+            Action::New => self.request(Next::New),
+            Action::Open => self.request(Next::Ask),
+            Action::OpenRecent(path) => self.request(Next::Open(path.clone())),
+            Action::Save => match session.file().cloned() {
+                Some(file) => self.files.save(session, &file, None),
+                None => self.ask = Some(Ask::save(session, None)),
+            },
+            Action::SaveAs => self.ask = Some(Ask::save(session, None)),
+            Action::Record => self.ask = Some(Ask::record(session)),
+            Action::Gallery => self.shows_gallery = !self.shows_gallery,
+            Action::Quit => self.request(Next::Quit),
+            Action::Undo => session.undo(),
+            Action::Redo => session.redo(),
+            Action::SelectAll => {
+                let particles = session.lane_state().map_or(0, |lane| lane.positions.len());
+                session.selection = (0..particles as u32).collect();
+            }
+            Action::SelectNone => session.selection.clear(),
+            Action::SelectPinned => session.selection = session.pinned().into_iter().collect(),
+            Action::Pin => session.pin_selection(),
+            Action::Run => session.run(!session.running()),
+            Action::Step => session.order(Order::Step(1)),
+            Action::Reset => session.reset(),
+            Action::Slower => panels::change_speed(session, false),
+            Action::Faster => panels::change_speed(session, true),
+            Action::Focus => self.focus = Some(Focus::Wanted),
+            Action::Look(side) => self.viewport.camera.look_from(*side),
+            Action::Projection => self.viewport.camera.switch_projection(),
+            Action::Use(tool) => {
+                let used = &mut self.viewport.hands.tool;
+                *used = if used == tool { Tool::Move } else { *tool };
+            }
+            Action::Grip => session.grip.soft = !session.grip.soft,
+            Action::AddLane(method) => session.add_lane(*method),
+            Action::Theme => {
+                self.style.theme = if self.style.theme == Theme::Dark { Theme::Light } else { Theme::Dark };
+            }
+            Action::Help => self.shows_help = !self.shows_help,
+        }
+    }
+
+    /// In tiles each lane has its own picture.
+    fn is_tiled(&self) -> bool {
+        self.session.state().lanes.len() > 1 && !self.display.overlaid
+    }
+
+    fn by_distance(&self) -> bool {
+        self.display.distance && self.session.state().lanes.len() > 1
     }
 
     fn viewport_ui(&mut self, ui: &mut Ui) {
-        let state = self.session.state();
-        let Some(lane) = state.lanes.get(self.session.lane).cloned() else { return };
-        let triangles: &[[u32; 3]] = if self.style.surface { &lane.geometry.triangles } else { &[] };
-        let target = picking::Target { positions: &lane.positions, triangles };
-        let intents = self.viewport.ui(ui, &target);
-        if self.focus && self.viewport.size().min_element() > 1.0 {
-            self.focus = false;
-            self.look_at_all(&lane);
+        let lanes = self.session.state().lanes.clone();
+        let tiles = if self.is_tiled() { lanes.len() } else { 1 };
+        let chosen = self.session.lane.min(lanes.len().saturating_sub(1));
+        let lane_of = |tile: usize| if tiles > 1 { tile } else { chosen };
+        if tiles != self.viewport.rects().len() {
+            self.focus = self.focus.or(Some(Focus::Wanted));
+        }
+        let shows_surface = self.style.surface;
+        let target = |tile: usize| {
+            let Some(lane) = lanes.get(lane_of(tile)) else {
+                return picking::Target { positions: &[], triangles: &[] };
+            };
+            let triangles: &[[u32; 3]] = if shows_surface { &lane.geometry.triangles } else { &[] };
+            picking::Target { positions: &lane.positions, triangles }
+        };
+        let intents = self.viewport.ui(ui, tiles, target);
+        let Some(lane) = lanes.get(lane_of(self.viewport.active)) else { return };
+        if self.focus.is_some() && self.viewport.size().min_element() > 1.0 {
+            self.look(lane);
         }
         for intent in intents {
-            self.act(intent, &lane);
+            if tiles > 1 && matches!(intent, Intent::Grab(_) | Intent::Click { .. }) {
+                self.session.lane = self.viewport.active;
+            }
+            self.act(intent, lane);
         }
+        let springs: Vec<(Vec3, Vec3)> = self
+            .session
+            .pulling_hands()
+            .filter_map(|(p, hand)| Some((Vec3::from(*lane.positions.get(p as usize)?), hand.as_vec3())))
+            .collect();
+        self.viewport.paint_springs(ui, &springs);
         self.viewport.paint_axes(ui);
-        if state_is_moving(&self.session) {
+        if tiles > 1 {
+            self.paint_tiles(ui, &lanes);
+        }
+        if let Some(rect) = self.viewport.rects().iter().copied().reduce(egui::Rect::union) {
+            panels::legend_ui(ui, rect, &self.shown_style(), &self.display);
+        }
+        if self.session.state().running && lanes.iter().any(|lane| lane.previous.is_some()) {
+            // Between two states the picture blends.
             ui.ctx().request_repaint();
         }
     }
 
-    fn look_at_all(&mut self, lane: &LaneState) {
+    /// Names and borders of the tiles.
+    fn paint_tiles(&self, ui: &Ui, lanes: &[Arc<LaneState>]) {
+        let line = ui.visuals().widgets.noninteractive.bg_stroke;
+        for (number, (rect, lane)) in self.viewport.rects().iter().zip(lanes).enumerate() {
+            let painter = ui.painter_at(*rect);
+            let [r, g, b] = panels::lane_colour(number);
+            let colour = egui::Color32::from_rgb(r, g, b);
+            let is_chosen = number == self.session.lane;
+            let stroke = if is_chosen { egui::Stroke::new(2.0, colour) } else { line };
+            painter.rect_stroke(*rect, 0.0, stroke, egui::StrokeKind::Inside);
+            let text = format!("{}  {}", number + 1, panels::name_of(lane));
+            let font = egui::FontId::proportional(13.0);
+            let at = rect.min + egui::vec2(12.0, 8.0);
+            painter.text(at, egui::Align2::LEFT_TOP, text, font, ui.visuals().strong_text_color());
+        }
+    }
+
+    fn look(&mut self, lane: &LaneState) {
         let size = self.viewport.size();
-        if let Some(bounds) = Bounds::of(lane.positions.iter()) {
+        let focus = self.focus.take();
+        let selected: Vec<[f32; 3]> = self
+            .session
+            .selection
+            .iter()
+            .filter(|_| focus == Some(Focus::Wanted))
+            .filter_map(|p| lane.positions.get(*p as usize).copied())
+            .collect();
+        if let Some(bounds) = Bounds::of(&selected) {
+            // Room around, also around a single particle.
+            let room = Vec3::splat((bounds.radius() * 0.3).max(2.0 * mean_length(lane)));
+            let bounds = Bounds { min: bounds.min - room, max: bounds.max + room };
+            self.viewport.camera.focus(&bounds, size);
+        } else if let Some(bounds) = Bounds::of(lane.positions.iter()) {
             // Cloth falls: below a flat sheet there must be room for it.
             let fall = ((bounds.max - bounds.min).with_y(0.0).max_element() - (bounds.max.y - bounds.min.y))
                 .max(0.0);
+            let fall = if focus == Some(Focus::Opened) { fall } else { 0.0 };
             let room = Bounds { min: bounds.min - Vec3::Y * fall * 0.8, max: bounds.max };
-            self.ground_height = bounds.min.y - fall * 1.1 - bounds.radius() * 0.1;
+            if focus == Some(Focus::Opened) {
+                self.ground_height = bounds.min.y - fall * 1.1 - bounds.radius() * 0.1;
+            }
             self.viewport.camera.focus(&room, size);
         }
     }
@@ -163,46 +452,56 @@ impl Workbench {
         }
     }
 
-    fn keys(&mut self, ui: &Ui) {
-        if ui.ctx().egui_wants_keyboard_input() {
-            return;
+    /// The style as it is drawn: lanes may be coloured by their distance.
+    fn shown_style(&self) -> Style {
+        let mut style = self.style.clone();
+        if self.by_distance() {
+            style.ramp = Ramp::Distance;
+            style.surface_values = true;
+            style.spring_strain = false;
+            style.value_range = self.display.distance_range;
         }
-        let pressed = |key| ui.input_mut(|input| input.consume_key(Modifiers::NONE, key));
-        let command = |key, modifiers| ui.input_mut(|input| input.consume_key(modifiers, key));
-        if command(Key::Z, Modifiers::COMMAND | Modifiers::SHIFT) || command(Key::Y, Modifiers::COMMAND) {
-            self.session.redo();
-        } else if command(Key::Z, Modifiers::COMMAND) {
-            self.session.undo();
+        style
+    }
+
+    fn title(&mut self, ui: &Ui) {
+        let star = if self.session.is_unsaved() { "*" } else { "" };
+        let title = format!("{star}{} - Tenter", self.session.title());
+        if title != self.window_title {
+            self.window_title.clone_from(&title);
+            ui.ctx().send_viewport_cmd(ViewportCommand::Title(title));
         }
-        if pressed(Key::Space) {
-            self.session.run(!self.session.running());
+        let window = ui.input(|input| (input.content_rect().size(), input.viewport().maximized));
+        let preferences = &mut self.files.preferences;
+        preferences.maximized = window.1.unwrap_or(false);
+        if !preferences.maximized {
+            preferences.size = window.0.into();
         }
-        if pressed(Key::Period) {
-            self.session.order(Order::Step(1));
-        }
-        if pressed(Key::R) {
-            self.session.reset();
-        }
-        if pressed(Key::P) {
-            self.session.pin_selection();
-        }
-        if pressed(Key::F) {
-            self.focus = true;
-        }
-        for (key, side) in [(Key::Num1, Side::Front), (Key::Num3, Side::Right), (Key::Num7, Side::Top)] {
-            if pressed(key) {
-                self.viewport.camera.look_from(side);
-            }
-        }
-        if pressed(Key::Num5) {
-            self.viewport.camera.switch_projection();
+        if self.is_finished {
+            ui.ctx().request_repaint();
         }
     }
 }
 
-/// Whether the picture changes by itself: between two states it blends.
-fn state_is_moving(session: &Session) -> bool {
-    session.state().running && session.state().lanes.iter().any(|lane| lane.previous.is_some())
+impl Drop for Workbench {
+    fn drop(&mut self) {
+        if let Some(file) = &self.preferences_file {
+            self.files.preferences.style = self.style.clone();
+            self.files.preferences.save(file);
+        }
+    }
+}
+
+/// A heading under which a panel can be folded away.
+fn section(ui: &mut Ui, name: &str, contents: impl FnOnce(&mut Ui)) {
+    let header = egui::CollapsingHeader::new(egui::RichText::new(name).heading());
+    header.default_open(true).show_unindented(ui, contents);
+    ui.add_space(6.0);
+}
+
+fn mean_length(lane: &LaneState) -> f32 {
+    let lengths = &lane.geometry.rest_lengths[0];
+    if lengths.is_empty() { 0.1 } else { lengths.iter().sum::<f32>() / lengths.len() as f32 }
 }
 
 impl Content for Workbench {
@@ -211,6 +510,9 @@ impl Content for Workbench {
     }
 
     fn draw(&mut self, canvas: &mut Canvas<'_>) {
+        let style = self.shown_style();
+        let is_tiled = self.is_tiled();
+        let by_distance = self.by_distance();
         let Some((drawing, cloths)) = &mut self.drawing else { return };
         let (device, queue) = (&canvas.gpu.device, &canvas.gpu.queue);
         let state = self.session.state();
@@ -219,8 +521,8 @@ impl Content for Workbench {
         }
         cloths.truncate(state.lanes.len());
         self.frame += 1;
-        let mut bounds: Option<Bounds> = None;
-        for (lane, cloth) in state.lanes.iter().zip(cloths.iter_mut()) {
+        let mut bounds: Vec<Option<Bounds>> = Vec::new();
+        for (number, (lane, cloth)) in state.lanes.iter().zip(cloths.iter_mut()).enumerate() {
             let blended = blend(state.running, state.at, state.beat, lane, &mut self.positions);
             let positions = if blended { &self.positions } else { lane.positions.as_ref() };
             self.flags.clone_from(&lane.flags);
@@ -239,26 +541,31 @@ impl Content for Workbench {
                 values: lane.values.as_ref().map(|values| values.as_slice()),
                 enabled: kinds.each_ref().map(|kind| kind.enabled),
                 rest_scale: kinds.each_ref().map(|kind| kind.rest_scale as f32),
-                tint: None,
+                tint: (state.lanes.len() > 1 && !by_distance).then(|| panels::lane_colour(number)),
             };
-            cloth.set_frame(device, queue, drawing.renderer(), &frame, &self.style);
-            bounds = [bounds, Bounds::of(positions.iter())].into_iter().flatten().reduce(|a, b| a.union(&b));
+            cloth.set_frame(device, queue, drawing.renderer(), &frame, &style);
+            bounds.push(Bounds::of(positions.iter()));
         }
-        let tile = Tile {
-            viewport: &self.viewport,
-            lanes: 0..cloths.len(),
-            ground_height: self.ground_height,
-            bounds,
-        };
-        drawing.draw(canvas, &[tile], cloths, &self.style);
+        let (camera, ground_height) = (&self.viewport.camera, self.ground_height);
+        let count = cloths.len();
+        let rects = self.viewport.rects().iter().enumerate().take(count.max(1));
+        let tiles: Vec<Tile<'_>> = rects
+            .map(|(tile, rect)| {
+                let lanes = if is_tiled { tile..(tile + 1).min(count) } else { 0..count };
+                let bounds = bounds[lanes.clone()].iter().flatten().copied().reduce(|a, b| a.union(&b));
+                Tile { camera, rect: *rect, lanes, ground_height, bounds }
+            })
+            .collect();
+        drawing.draw(canvas, &tiles, cloths, &style);
     }
 
     fn close_requested(&mut self) -> bool {
-        true
+        self.request(Next::Quit);
+        self.is_finished
     }
 
     fn is_finished(&self) -> bool {
-        self.finished
+        self.is_finished
     }
 }
 

@@ -6,12 +6,14 @@ mod info;
 mod lab;
 mod listing;
 mod output;
+mod render;
 mod replay;
 mod report;
 mod run;
 mod stability;
 mod study;
 mod trade;
+mod workbench;
 
 use crate::scene::{Opened, Place, Refusal, Scene, Target, open};
 use crate::world::World;
@@ -28,11 +30,8 @@ use std::process::ExitCode;
 struct CommandLine {
     #[command(subcommand)]
     command: Option<Command>,
-    /// Scenes to open: .ron files, meshes, or names of built-in scenes.
-    #[arg(value_name = "SCENE")]
-    scenes: Vec<String>,
     #[command(flatten)]
-    common: Common,
+    workbench: workbench::Options,
 }
 
 #[derive(Subcommand)]
@@ -60,6 +59,8 @@ enum Command {
     Simulators(listing::Options),
     /// Runs a recording again, to the same state bit for bit.
     Replay(replay::Options),
+    /// Draws a picture of a scene without a window.
+    Render(render::Options),
 }
 
 /// Options that every command takes.
@@ -91,6 +92,13 @@ enum Ending {
     Diverged,
 }
 
+impl Ending {
+    /// How a command ends that ran this world.
+    fn of(world: &World) -> Self {
+        if world.health().is_diverged() { Self::Diverged } else { Self::Done }
+    }
+}
+
 /// Runs the command that the process was started with.
 pub fn main() -> ExitCode {
     // A panic is a defect of ours: whoever meets one gets a line to report, not a backtrace.
@@ -99,6 +107,8 @@ pub fn main() -> ExitCode {
         let what = info.payload_as_str().unwrap_or("unknown");
         output::complain(&format!("internal error{place}: {what}; please report it"));
     }));
+    #[cfg(feature = "app")]
+    crate::app::gpu::quiet_drivers();
     let line = match CommandLine::try_parse() {
         Ok(line) => line,
         Err(e) => e.exit(),
@@ -127,7 +137,8 @@ fn dispatch(line: CommandLine) -> Result<Ending, Refusal> {
         Some(Command::Scenes(options)) => listing::scenes(&options),
         Some(Command::Simulators(options)) => listing::simulators(&options),
         Some(Command::Replay(options)) => replay::replay(&options),
-        None => run::without_window(&line.scenes, &line.common),
+        Some(Command::Render(options)) => render::render(&options),
+        None => workbench::workbench(&line.workbench),
     }
 }
 

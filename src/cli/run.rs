@@ -3,8 +3,8 @@
 use super::output::{self, Pending};
 use super::{Common, Ending};
 use crate::forces::Cost;
-use crate::scene::{Precision, Refusal, Scene, builtin};
-use crate::world::{Energy, Health, Recording, World};
+use crate::scene::{Place, Precision, Refusal, Scene};
+use crate::world::{Cause, Energy, Health, Recording, World};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
@@ -14,16 +14,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 #[derive(Args)]
-#[command(group = clap::ArgGroup::new("length").required(true))]
 pub struct Options {
     /// A .ron file, a mesh, a built-in scene, or - for standard input.
     scene: String,
-    /// Simulated time to run for, s.
-    #[arg(long, group = "length", value_name = "T", value_parser = seconds)]
-    seconds: Option<f64>,
-    /// Steps to run for.
-    #[arg(long, group = "length", value_name = "N")]
-    steps: Option<u64>,
+    #[command(flatten)]
+    length: Length,
     #[command(flatten)]
     results: Results,
     /// Writes a recording that `tenter replay` runs again.
@@ -31,6 +26,25 @@ pub struct Options {
     record: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
+}
+
+/// How long a run is.
+#[derive(Args)]
+#[group(id = "length", required = true, multiple = false)]
+pub struct Length {
+    /// Simulated time to run for, s.
+    #[arg(long, value_name = "T", value_parser = seconds)]
+    seconds: Option<f64>,
+    /// Steps to run for.
+    #[arg(long, value_name = "N")]
+    steps: Option<u64>,
+}
+
+impl Length {
+    /// Steps of a scene that it comes to.
+    pub fn steps(&self, scene: &Scene) -> Result<u64, Refusal> {
+        self.steps.map_or_else(|| steps_in(self.seconds.unwrap_or_default(), scene), Ok)
+    }
 }
 
 /// Where a run's result goes.
@@ -65,23 +79,38 @@ pub fn interrupted() -> bool {
 
 pub fn run(options: &Options) -> Result<Ending, Refusal> {
     let opened = options.common.open(&options.scene)?;
-    let steps = match (options.steps, options.seconds) {
-        (Some(steps), _) => steps,
-        (None, seconds) => steps_in(seconds.unwrap_or_default(), &opened.scene)?,
-    };
-    let record = options.record.as_deref().map(Pending::new).transpose()?;
+    let steps = options.length.steps(&opened.scene)?;
+    let record = options.record.as_deref().map(Record::new).transpose()?;
     let world = options.common.world(&opened)?;
     let (world, ending) =
         execute(world, &options.results, &options.common, &opened.title, steps, |_| Ok(()))?;
-    if let (Some(file), Some(path)) = (record, &options.record) {
-        let scene = opened.place.moved(&opened.scene, path.parent().unwrap_or(Path::new(".")));
-        file.finish(Recording::of(scene, &world).to_ron()?.as_bytes())?;
+    if let Some(record) = record {
+        record.finish(Recording::of(opened.scene, &world), &opened.place)?;
     }
     Ok(ending)
 }
 
+/// A recording to be written.
+pub struct Record {
+    file: Pending,
+    folder: PathBuf,
+}
+
+impl Record {
+    /// Prepares its file.
+    pub fn new(path: &Path) -> Result<Self, Refusal> {
+        Ok(Self { file: Pending::new(path)?, folder: path.parent().unwrap_or(Path::new(".")).to_owned() })
+    }
+
+    /// Writes a recording whose scene was opened at `place`.
+    pub fn finish(self, mut recording: Recording, place: &Place) -> Result<(), Refusal> {
+        recording.scene = place.moved(&recording.scene, &self.folder);
+        self.file.finish(recording.to_ron()?.as_bytes())
+    }
+}
+
 /// Steps that fill a time.
-fn steps_in(seconds: f64, scene: &Scene) -> Result<u64, Refusal> {
+pub fn steps_in(seconds: f64, scene: &Scene) -> Result<u64, Refusal> {
     let steps = (seconds / scene.dt).round();
     if steps.is_finite() && steps < 1e18 {
         Ok(steps as u64)
@@ -90,53 +119,21 @@ fn steps_in(seconds: f64, scene: &Scene) -> Result<u64, Refusal> {
     }
 }
 
-/// `tenter SCENE…` where no window can be opened: ten seconds of the first scene, headless.
-pub fn without_window(scenes: &[String], common: &Common) -> Result<Ending, Refusal> {
-    /// Simulated time, s.
-    const SECONDS: f64 = 10.0;
-    let name = scenes.first().map_or(builtin::ALL[0].name, String::as_str);
-    let opened = common.open(name)?;
-    let steps = steps_in(SECONDS, &opened.scene)?;
-    let world = common.world(&opened)?;
-    let (_, ending) = execute(world, &Results::default(), common, &opened.title, steps, |_| Ok(()))?;
-    Ok(ending)
-}
-
-/// Runs a world to a number of steps, calling `between` before the first and after each, until it diverges or Ctrl-C is
-/// pressed; then writes the result wherever it was asked for.
+/// Runs a world as [`advance`] does, then writes the result wherever it was asked for.
 pub fn execute(
     mut world: World,
     results: &Results,
     common: &Common,
     title: &str,
     steps: u64,
-    mut between: impl FnMut(&mut World) -> Result<(), Refusal>,
+    between: impl FnMut(&mut World) -> Result<(), Refusal>,
 ) -> Result<(World, Ending), Refusal> {
     let pending = results.out.as_deref().map(Pending::new).transpose()?;
     let warnings = world.warnings();
     common.warn(&warnings);
-    catch_interrupt();
-    let bar = progress(common);
     let start = Instant::now();
-    let mut shown = Instant::now();
-    between(&mut world)?;
-    while world.steps() < steps && !INTERRUPTED.load(Ordering::Relaxed) {
-        world.step();
-        if world.health().is_diverged() {
-            break;
-        }
-        between(&mut world)?;
-        if shown.elapsed().as_millis() > 100 {
-            shown = Instant::now();
-            bar.set_message(format!("{:.2} s simulated", world.time()));
-            bar.tick();
-        }
-    }
+    advance(&mut world, common, steps, between)?;
     let wall_seconds = start.elapsed().as_secs_f64();
-    bar.finish_and_clear();
-    if world.steps() < steps && !world.health().is_diverged() {
-        common.warn(&[format!("interrupted after {} of {steps} steps", world.steps())]);
-    }
     let result = RunResult::of(&world, wall_seconds, common.threads(), results.positions, warnings);
     let text = if pending.is_some() || common.json { output::json(&result)? } else { String::new() };
     if let Some(file) = pending {
@@ -146,16 +143,48 @@ pub fn execute(
         output::print(&text);
     }
     common.say(&result.summary(title));
-    let ending = if world.health().is_diverged() { Ending::Diverged } else { Ending::Done };
+    let ending = Ending::of(&world);
     Ok((world, ending))
 }
 
-pub fn progress(common: &Common) -> ProgressBar {
+/// Steps a world to a number of steps, calling `between` before the first and after each, until it diverges or Ctrl-C is
+/// pressed.
+pub fn advance(
+    world: &mut World,
+    common: &Common,
+    steps: u64,
+    mut between: impl FnMut(&mut World) -> Result<(), Refusal>,
+) -> Result<(), Refusal> {
+    catch_interrupt();
+    let bar = progress(common, steps);
+    let mut shown = Instant::now();
+    between(world)?;
+    while world.steps() < steps && !INTERRUPTED.load(Ordering::Relaxed) {
+        world.step();
+        if world.health().is_diverged() {
+            break;
+        }
+        between(world)?;
+        if shown.elapsed().as_millis() > 100 {
+            shown = Instant::now();
+            bar.set_message(format!("{:.2} s simulated", world.time()));
+            bar.set_position(world.steps());
+        }
+    }
+    bar.finish_and_clear();
+    if world.steps() < steps && !world.health().is_diverged() {
+        common.warn(&[format!("interrupted after {} of {steps} steps", world.steps())]);
+    }
+    Ok(())
+}
+
+/// A bar on a terminal, for so many parts of work.
+pub fn progress(common: &Common, parts: u64) -> ProgressBar {
     let visible = std::io::stderr().is_terminal() && !common.quiet;
     let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let style = ProgressStyle::with_template("{spinner} {elapsed} {msg}");
-    ProgressBar::with_draw_target(None, target)
-        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()))
+    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %, {msg}, {eta} left");
+    ProgressBar::with_draw_target(Some(parts), target)
+        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
 /// The result of a run, as the files that users rely on have it.
@@ -240,11 +269,15 @@ impl<'a> RunResult<'a> {
         let torn = if self.broken > 0 { format!(", {} torn", self.broken) } else { String::new() };
         let health = match self.health {
             Health::Ok => "ok".to_owned(),
-            Health::Unsettled { step, time, particle } => {
+            Health::Unsettled { step, time, particle, cause: Cause::Shaking } => {
                 format!(
                     "unsettled: particle {particle} shakes since step {step} ({time:.4} s); dt is too long for this stiffness"
                 )
             }
+            Health::Unsettled { step, time, cause: Cause::Unsolved, .. } => format!(
+                "unsettled: the equations of {} steps were not solved to tolerance, the first in step {step} ({time:.4} s); {:.1e} times the tolerance was left at most",
+                self.cost.unsolved_steps, self.cost.residual
+            ),
             Health::Diverged { step, time, particle } => format!(
                 "diverged in step {step} ({time:.4} s) at particle {particle}; what is shown is the last good state"
             ),
@@ -254,7 +287,7 @@ impl<'a> RunResult<'a> {
              {} in {:?} precision, dt {} s: {} steps, {:.4} s simulated in {:.3} s ({speed:.1} x real time)\n\
              energy: kinetic {:.6} J, gravitational {:.6} J, elastic {:.6} J\n\
              strain: largest {:.4}, mean {:.4}\n\
-             cost: {} force evaluations, {} spring visits\n\
+             cost: {} force evaluations, {} spring visits, {} solver iterations\n\
              health: {health}",
             self.particles,
             self.pinned,
@@ -271,6 +304,7 @@ impl<'a> RunResult<'a> {
             self.mean_strain,
             self.cost.force_evaluations,
             self.cost.spring_visits,
+            self.cost.solver_iterations,
         )
     }
 }

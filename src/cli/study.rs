@@ -107,13 +107,17 @@ impl Study {
         };
         let journal = if self.frozen { journal.frozen() } else { journal };
         run::catch_interrupt();
-        let bar = run::progress(&self.common);
+        let bar = run::progress(&self.common, 1);
         let stage = Mutex::new(String::new());
         let listen = |event: Event| {
             if let Ok(mut stage) = stage.lock() {
                 match event {
                     Event::Stage(name) => name.clone_into(&mut stage),
-                    Event::Done(done, of) => bar.set_message(format!("{stage}: {done} of {of}")),
+                    Event::Done(done, of) => {
+                        bar.set_length(of as u64);
+                        bar.set_position(done as u64);
+                        bar.set_message(stage.clone());
+                    }
                     Event::Alive => bar.tick(),
                 }
             }

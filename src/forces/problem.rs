@@ -8,14 +8,35 @@ use crate::math::{Real, Vector};
 use crate::model::{Particles, Springs, Topology};
 use glam::DVec3;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Revisions are numbered through the whole program; 0 is nobody's.
+fn next_revision() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(1);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
 
 /// Work in counts: the same on every machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Cost {
     /// How often the forces on all particles were computed.
     pub force_evaluations: u64,
     /// How often a spring was looked at, by a force or by a sweep of relaxation.
     pub spring_visits: u64,
+    /// How often a solver of equations went over all particles: conjugate gradients, global and local sweeps.
+    pub solver_iterations: u64,
+    /// Steps whose equations were not solved to the method's tolerance.
+    pub unsolved_steps: u64,
+    /// Largest error that a solver left in a step, in units of the method's tolerance.
+    pub residual: f64,
+}
+
+impl Cost {
+    /// Books what a solver left of its equations at the end of a step, in units of its tolerance.
+    pub fn solved(&mut self, residual: f64) {
+        self.unsolved_steps += u64::from(residual.is_nan() || residual > 1.0);
+        self.residual = self.residual.max(residual);
+    }
 }
 
 /// m a = F(t, x, v): everything that a method needs to know of the cloth and its surroundings.
@@ -44,6 +65,8 @@ pub struct Problem<T: Real> {
     pub threads: usize,
     /// Made when first needed: one thread never needs it.
     incidence: OnceLock<Incidence>,
+    /// See [`Problem::revision`].
+    revision: u64,
 }
 
 /// The springs' part of a scene, as [`Problem::new`] and [`Problem::set_springs`] need it.
@@ -73,6 +96,7 @@ impl<T: Real> Problem<T> {
             pulls: Vec::new(),
             threads: 1,
             incidence: OnceLock::new(),
+            revision: 0,
         };
         problem.set_springs(springs);
         problem
@@ -82,13 +106,13 @@ impl<T: Real> Problem<T> {
     pub fn set_springs(&mut self, set: &SpringSet<T>) {
         self.springs = Springs::new(set.topology, set.rest_positions, &set.params.kinds(), set.broken);
         self.spring_damping = T::from_f64(set.params.damping);
-        self.incidence = OnceLock::new();
+        self.springs_changed();
     }
 
     /// Takes springs out; `torn` are sorted indices among those that act.
     pub fn remove_springs(&mut self, torn: &[usize]) {
         self.springs.remove(torn);
-        self.incidence = OnceLock::new();
+        self.springs_changed();
     }
 
     /// Replaces the stiffness of every kind; the springs stay.
@@ -98,6 +122,18 @@ impl<T: Real> Problem<T> {
             group.stiffness = T::from_f64(kinds[group.kind as usize].stiffness);
         }
         self.spring_damping = T::from_f64(params.damping);
+        self.revision = next_revision();
+    }
+
+    fn springs_changed(&mut self) {
+        self.incidence = OnceLock::new();
+        self.revision = next_revision();
+    }
+
+    /// A number that no other problem has, and that changes with the springs, their stiffness and their damping: what a
+    /// method has worked out about them is good while it stays the same.
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// Makes a particle immovable (pinned or held), or free.
@@ -133,6 +169,11 @@ impl<T: Real> Problem<T> {
         if self.air_damping > T::ZERO {
             air_damping::add(self.air_damping, &state.velocities, force);
         }
+        self.add_spring_forces(state, force, cost);
+    }
+
+    /// Adds the forces of the springs to `force` (N); counts one evaluation.
+    pub fn add_spring_forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
         if self.parallel() {
             springs::gather(&self.springs, self.incidence(), self.spring_damping, state, force);
         } else {
@@ -143,7 +184,7 @@ impl<T: Real> Problem<T> {
     }
 
     /// Whether several threads are at hand and the cloth is large enough to share among them.
-    fn parallel(&self) -> bool {
+    pub fn parallel(&self) -> bool {
         /// Below this, waking threads costs more than they save.
         const SMALLEST: usize = 4096;
         self.threads > 1 && self.particles() >= SMALLEST

@@ -2,9 +2,9 @@
 //!
 //! For small motions around a shape, M x'' + D x' + K x = 0. K is the sum over springs of
 //! k [(1 - L/l) I + (L/l) n nᵀ] (l the current length, n the direction); D is c I plus the graph Laplacian of the springs
-//! times k_d. The largest eigenvalue of a combination of M⁻¹K and M⁻¹D comes from the Lanczos iteration (Lanczos, "An
-//! iteration method for the solution of the eigenvalue problem of linear differential and integral operators", 1950) on
-//! the symmetric M^-1/2 (…) M^-1/2, with full reorthogonalisation.
+//! times k_d. The largest eigenvalue of a combination of M⁻¹K and M⁻¹D is found on the symmetric M^-1/2 (…) M^-1/2 by the
+//! locally optimal conjugate gradients of Knyazev ("Toward the optimal preconditioned eigensolver: LOBPCG", 2001) with a
+//! block of one and no preconditioner: a handful of vectors whatever the number of iterations.
 
 use super::Problem;
 use crate::math::{Real, Vector};
@@ -17,6 +17,8 @@ pub struct Spectrum {
     /// 1/sqrt(m) of each particle, 0 where it cannot move.
     inverse_root: Vec<f64>,
     springs: Vec<Linear>,
+    /// Particles that hands pull at, with stiffness (N/m) and damping (kg/s).
+    pulls: Vec<(usize, f64, f64)>,
     /// k_d, kg/s.
     spring_damping: f64,
     /// c, kg/s.
@@ -66,6 +68,11 @@ impl Spectrum {
         Self {
             inverse_root: problem.inverse_mass.iter().map(|w| w.to_f64().sqrt()).collect(),
             springs,
+            pulls: problem
+                .pulls
+                .iter()
+                .map(|p| (p.particle as usize, p.stiffness.to_f64(), p.damping.to_f64()))
+                .collect(),
             spring_damping: problem.spring_damping.to_f64(),
             air_damping: problem.air_damping.to_f64(),
         }
@@ -117,6 +124,9 @@ impl Spectrum {
             to[i] -= f;
             to[j] += f;
         }
+        for &(p, stiffness, damping) in &self.pulls {
+            to[p] += from[p] * (w[p] * (a * stiffness + b * damping));
+        }
         for (t, w) in to.iter_mut().zip(w) {
             *t *= *w;
         }
@@ -130,113 +140,117 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
 /// A unit eigenvector of a symmetric operator for its largest eigenvalue. `mask` is 0 where a particle cannot move. The
 /// start is a fixed pseudo-random vector, so the result is the same every time.
 fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<DVec3> {
-    /// Iterations at most, and the relative change of the eigenvalue at which they end.
-    const MOST: usize = 80;
+    /// Iterations at most, and at least, and the relative change of the eigenvalue at which they end.
+    const MOST: usize = 100;
+    const LEAST: usize = 12;
     const CHANGE: f64 = 1e-7;
     let n = mask.len();
+    let mut x = random_vector(mask);
+    let mut ax = vec![DVec3::ZERO; n];
+    apply(&x, &mut ax);
+    let mut value = dot(&x, &ax);
+    let [mut w, mut aw] = [vec![DVec3::ZERO; n], vec![DVec3::ZERO; n]];
+    // The direction of the last step, with its image; none at first.
+    let mut p: Option<[Vec<DVec3>; 2]> = None;
+    for iteration in 0..MOST {
+        w.iter_mut().zip(x.iter().zip(&ax)).for_each(|(w, (x, ax))| *w = *ax - *x * value);
+        let residual = dot(&w, &w).sqrt();
+        if residual.is_nan() || residual <= 1e-12 * value.abs() {
+            break;
+        }
+        scale(&mut w, 1.0 / residual);
+        // The residual stands at right angles to x up to rounding, which grows as it shrinks.
+        let along = dot(&w, &x);
+        add(&mut w, &x, -along);
+        apply(&w, &mut aw);
+        if let Some([p, ap]) = &mut p {
+            for (other, image) in [(&x, &ax), (&w, &aw)] {
+                let along = dot(p, other);
+                add(p, other, -along);
+                add(ap, image, -along);
+            }
+            let length = dot(p, p).sqrt();
+            if length > 1e-14 {
+                scale(p, 1.0 / length);
+                scale(ap, 1.0 / length);
+            }
+        }
+        // A missing direction gets a value that can never be the largest.
+        let mut ritz = [[value, dot(&x, &aw), 0.0], [0.0, dot(&w, &aw), 0.0], [0.0, 0.0, f64::MIN / 4.0]];
+        if let Some([p, ap]) = &p
+            && dot(p, p) > 0.5
+        {
+            (ritz[0][2], ritz[1][2], ritz[2][2]) = (dot(&x, ap), dot(&w, ap), dot(p, ap));
+        }
+        for (row, column) in [(1, 0), (2, 0), (2, 1)] {
+            ritz[row][column] = ritz[column][row];
+        }
+        let [cx, cw, cp] = top_of_three(ritz);
+        let [mut step, mut image] = p.take().unwrap_or_else(|| [vec![DVec3::ZERO; n], vec![DVec3::ZERO; n]]);
+        for (direction, (w, p)) in [(&mut step, (&w, cp)), (&mut image, (&aw, cp))] {
+            scale(direction, p);
+            add(direction, w, cw);
+        }
+        for (vector, direction) in [(&mut x, &step), (&mut ax, &image)] {
+            scale(vector, cx);
+            add(vector, direction, 1.0);
+        }
+        let length = dot(&x, &x).sqrt();
+        scale(&mut x, 1.0 / length);
+        scale(&mut ax, 1.0 / length);
+        p = Some([step, image]);
+        let before = std::mem::replace(&mut value, dot(&x, &ax));
+        if iteration >= LEAST && (value - before).abs() <= CHANGE * value.abs() {
+            break;
+        }
+    }
+    x
+}
+
+/// A fixed unit vector with all frequencies in it, by xorshift64 (Marsaglia, "Xorshift RNGs", 2003).
+fn random_vector(mask: &[f64]) -> Vec<DVec3> {
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = || {
-        // xorshift64 (Marsaglia, "Xorshift RNGs", 2003): any fixed vector with all frequencies in it will do.
         seed ^= seed << 13;
         seed ^= seed >> 7;
         seed ^= seed << 17;
         (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
     };
-    let mut start: Vec<DVec3> = mask
-        .iter()
-        .map(|m| if *m > 0.0 { DVec3::new(random(), random(), random()) } else { DVec3::ZERO })
-        .collect();
-    let size = dot(&start, &start).sqrt();
-    start.iter_mut().for_each(|c| *c /= size);
-
-    let mut basis = vec![start];
-    let (mut alphas, mut betas) = (Vec::new(), Vec::<f64>::new());
-    let mut value = 0.0;
-    let mut image = vec![DVec3::ZERO; n];
-    while basis.len() <= MOST.min(3 * n) {
-        let Some(last) = basis.last() else { break };
-        apply(last, &mut image);
-        alphas.push(dot(last, &image));
-        let before = value;
-        value = ritz(&alphas, &betas);
-        // Twice, because once loses orthogonality to rounding (Parlett, "The Symmetric Eigenvalue Problem", 1980).
-        for _ in 0..2 {
-            for b in &basis {
-                let along = dot(b, &image);
-                image.iter_mut().zip(b).for_each(|(i, b)| *i -= *b * along);
-            }
-        }
-        let beta = dot(&image, &image).sqrt();
-        let settled = alphas.len() > 12 && (value - before).abs() <= CHANGE * value.abs();
-        if beta.is_nan() || beta <= 1e-13 * value.abs() || settled {
-            break;
-        }
-        betas.push(beta);
-        basis.push(image.iter().map(|i| *i / beta).collect());
-    }
-    let mut mode = vec![DVec3::ZERO; n];
-    for (b, c) in basis.iter().zip(ritz_vector(&alphas, &betas, value)) {
-        mode.iter_mut().zip(b).for_each(|(m, b)| *m += *b * c);
-    }
-    let size = dot(&mode, &mode).sqrt();
-    if size > 0.0 {
-        mode.iter_mut().for_each(|m| *m /= size);
-    }
-    mode
+    let any = |m: &f64| if *m > 0.0 { DVec3::new(random(), random(), random()) } else { DVec3::ZERO };
+    let mut vector: Vec<DVec3> = mask.iter().map(any).collect();
+    let length = dot(&vector, &vector).sqrt();
+    scale(&mut vector, 1.0 / length);
+    vector
 }
 
-/// Largest eigenvalue of the symmetric tridiagonal matrix, by bisection on the number of eigenvalues above.
-fn ritz(alphas: &[f64], betas: &[f64]) -> f64 {
-    let off = |i: usize| betas.get(i).copied().unwrap_or(0.0);
-    let radius =
-        |i: usize| if i > 0 { off(i - 1) } else { 0.0 } + if i + 1 < alphas.len() { off(i) } else { 0.0 };
-    let mut low = f64::INFINITY;
-    let mut high = f64::NEG_INFINITY;
-    for (i, a) in alphas.iter().enumerate() {
-        low = low.min(a - radius(i));
-        high = high.max(a + radius(i));
-    }
-    let none_above = |x: f64| {
-        let mut pivot = 1.0;
-        alphas.iter().enumerate().all(|(i, a)| {
-            let coupling = if i > 0 { off(i - 1) * off(i - 1) / pivot } else { 0.0 };
-            pivot = a - x - coupling;
-            pivot < 0.0
-        })
-    };
-    for _ in 0..200 {
-        let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            break;
-        }
-        if none_above(middle) {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    high
+fn scale(vector: &mut [DVec3], factor: f64) {
+    vector.iter_mut().for_each(|v| *v *= factor);
 }
 
-/// The eigenvector of the tridiagonal matrix for its largest eigenvalue, by inverse iteration with a shift just above it:
-/// the shifted matrix is negative definite, so elimination without pivoting is stable.
-fn ritz_vector(alphas: &[f64], betas: &[f64], value: f64) -> Vec<f64> {
-    let shift = value + value.abs().max(f64::MIN_POSITIVE) * 1e-12;
-    let n = alphas.len();
-    let mut y = vec![1.0; n];
-    for _ in 0..3 {
-        let mut pivots = vec![alphas[0] - shift; n];
-        for i in 1..n {
-            let factor = betas[i - 1] / pivots[i - 1];
-            pivots[i] = alphas[i] - shift - factor * betas[i - 1];
-            y[i] -= factor * y[i - 1];
+fn add(to: &mut [DVec3], vector: &[DVec3], factor: f64) {
+    to.iter_mut().zip(vector).for_each(|(t, v)| *t += *v * factor);
+}
+
+/// The unit eigenvector of a symmetric 3 x 3 matrix for its largest eigenvalue, by Jacobi's rotations.
+fn top_of_three(mut a: [[f64; 3]; 3]) -> [f64; 3] {
+    let mut vectors = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    // Off-diagonal parts shrink quadratically: six rounds leave rounding.
+    for (i, j) in [(0, 1), (0, 2), (1, 2)].repeat(6) {
+        if a[i][j] == 0.0 {
+            continue;
         }
-        for i in (0..n).rev() {
-            let above = if i + 1 < n { betas[i] * y[i + 1] } else { 0.0 };
-            y[i] = (y[i] - above) / pivots[i];
+        let angle = 0.5 * libm::atan2(2.0 * a[i][j], a[j][j] - a[i][i]);
+        let (sin, cos) = libm::sincos(angle);
+        for row in &mut a {
+            (row[i], row[j]) = (cos * row[i] - sin * row[j], sin * row[i] + cos * row[j]);
         }
-        let size = y.iter().map(|c| c * c).sum::<f64>().sqrt();
-        y.iter_mut().for_each(|c| *c /= size);
+        for k in 0..3 {
+            (a[i][k], a[j][k]) = (cos * a[i][k] - sin * a[j][k], sin * a[i][k] + cos * a[j][k]);
+        }
+        for row in &mut vectors {
+            (row[i], row[j]) = (cos * row[i] - sin * row[j], sin * row[i] + cos * row[j]);
+        }
     }
-    y
+    let top = (0..3).max_by(|&i, &j| a[i][i].total_cmp(&a[j][j])).unwrap_or(0);
+    [vectors[0][top], vectors[1][top], vectors[2][top]]
 }

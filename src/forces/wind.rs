@@ -24,7 +24,9 @@ impl Wind {
     /// a sine that gives the same bits on every machine.
     pub fn force(&self, time: f64) -> DVec3 {
         let gust = libm::sin(std::f64::consts::PI * self.frequency * time);
-        self.direction.normalize_or_zero() * (self.strength * gust * gust)
+        // Scaled first: the square of a very short direction's length would be 0.
+        let direction = self.direction / self.direction.abs().max_element();
+        direction.normalize_or_zero() * (self.strength * gust * gust)
     }
 }
 

@@ -4,6 +4,6 @@ mod particles;
 mod springs;
 mod topology;
 
-pub use particles::Particles;
+pub use particles::{Memory, Particles};
 pub use springs::{Group, KindSettings, Springs};
 pub use topology::{SpringKind, Topology};

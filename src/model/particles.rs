@@ -13,13 +13,34 @@ pub struct Particles<T: Real> {
     pub velocities: Vec<T::Vec3>,
     /// Springs that have torn, by index among all springs of the topology, sorted.
     pub broken: Vec<u32>,
+    /// What the method carries from step to step besides positions and velocities.
+    pub memory: Memory<T>,
+}
+
+/// What a method carries from step to step: the last state of a multistep method, the step size of a controller, a warm
+/// start. Empty for most methods and at every fresh start: of the scene, and after a change of method, dt, springs, pins
+/// or hands, after which a method takes the step that it would take at the very beginning.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Memory<T: Real> {
+    /// Vectors, as many as the method likes.
+    pub vectors: Vec<T::Vec3>,
+    /// Numbers.
+    pub numbers: Vec<f64>,
+}
+
+impl<T: Real> Memory<T> {
+    /// Starts afresh.
+    pub fn forget(&mut self) {
+        self.vectors.clear();
+        self.numbers.clear();
+    }
 }
 
 impl<T: Real> Particles<T> {
     /// Particles at rest at time 0.
     pub fn at_rest(positions: Vec<T::Vec3>) -> Self {
         let velocities = vec![T::Vec3::default(); positions.len()];
-        Self { time: 0.0, positions, velocities, broken: Vec::new() }
+        Self { time: 0.0, positions, velocities, broken: Vec::new(), memory: Memory::default() }
     }
 
     /// Number of particles.

@@ -99,6 +99,12 @@ impl<T: Real> Springs<T> {
         self.groups.retain(|group| !group.range.is_empty());
     }
 
+    /// The stiffness of each spring, N/m.
+    pub fn stiffness_of_each(&self) -> Vec<T> {
+        let each = |group: &Group<T>| std::iter::repeat_n(group.stiffness, group.range.len());
+        self.groups.iter().flat_map(each).collect()
+    }
+
     /// Number of acting springs.
     pub fn len(&self) -> usize {
         self.pairs.len()

@@ -3,11 +3,13 @@
 pub mod builtin;
 mod mass;
 mod open;
+mod pending;
 mod pins;
 mod target;
 
 pub use mass::Mass;
 pub use open::{Opened, Place, open, read_limited};
+pub use pending::Pending;
 pub use pins::{Pin, Pins};
 pub use target::{Built, GridTarget, MeshTarget, Plane, Target};
 
@@ -149,6 +151,14 @@ impl Scene {
 
     /// What no single field can check.
     fn check(&self) -> Result<(), Refusal> {
+        /// Shortest step besides 0, s: 1/dt and the speed of a hand stay finite in single precision.
+        const SHORTEST: f64 = 1e-20;
+        if self.dt > 0.0 && self.dt < SHORTEST {
+            return Err(Refusal::new(format!(
+                "dt is {}; accepted: 0, or {SHORTEST:e} to 100 s",
+                params::Short(self.dt)
+            )));
+        }
         if self.wind.direction == DVec3::ZERO {
             return Err(Refusal::new("wind.direction is (0, 0, 0); accepted: any other vector"));
         }

@@ -14,10 +14,12 @@ pub struct Opened {
     pub place: Place,
     /// What to call it: the name of the file or of the built-in scene.
     pub title: String,
+    /// The scene's own file, where it has one.
+    pub file: Option<PathBuf>,
 }
 
 /// Where a scene may look for meshes: in its own folder, and at paths that the user named.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Place {
     folder: PathBuf,
     named: Vec<PathBuf>,
@@ -34,7 +36,12 @@ pub fn open(name: &str) -> Result<Opened, Refusal> {
     if name == "-" {
         let text = text_of(std::io::stdin(), "standard input")?;
         let scene = Scene::from_ron(&text).map_err(|e| e.at("standard input"))?;
-        return Ok(Opened { scene, place: Place::folder("."), title: "standard input".to_owned() });
+        return Ok(Opened {
+            scene,
+            place: Place::folder("."),
+            title: "standard input".to_owned(),
+            file: None,
+        });
     }
     let path = Path::new(name);
     match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
@@ -43,18 +50,21 @@ pub fn open(name: &str) -> Result<Opened, Refusal> {
             let scene = Scene::from_ron(&text).map_err(|e| e.at(name))?;
             let folder = path.parent().unwrap_or(Path::new("."));
             let title = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            Ok(Opened { scene, place: Place::folder(folder), title })
+            Ok(Opened { scene, place: Place::folder(folder), title, file: Some(path.to_owned()) })
         }
         Some("obj" | "gltf" | "glb") => {
             let mut place = Place::folder(".");
             place.allow(name);
             let scene = Scene { target: Target::mesh(name), ..Scene::default() };
-            Ok(Opened { scene, place, title: name.to_owned() })
+            Ok(Opened { scene, place, title: name.to_owned(), file: None })
         }
         _ => match builtin::find(name) {
-            Some(known) => {
-                Ok(Opened { scene: (known.make)(), place: Place::default(), title: known.name.to_owned() })
-            }
+            Some(known) => Ok(Opened {
+                scene: (known.make)(),
+                place: Place::default(),
+                title: known.name.to_owned(),
+                file: None,
+            }),
             None => Err(Refusal::new(format!(
                 "there is no scene '{}'; accepted: a .ron, .obj, .gltf or .glb file, - for standard input, or one of {}",
                 crate::params::excerpt(name),

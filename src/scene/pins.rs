@@ -144,11 +144,7 @@ impl Pin {
 
     fn check(&self) -> Result<(), String> {
         let finite = |point: &DVec3| {
-            if point.is_finite() {
-                Ok(())
-            } else {
-                Err(format!("pins: {self:?} has a coordinate that is not a finite number"))
-            }
+            if point.is_finite() { Ok(()) } else { Err(format!("{self:?}; accepted: finite coordinates")) }
         };
         match self {
             Self::Nearest(point) => finite(point),
@@ -158,11 +154,11 @@ impl Pin {
                 if low.cmple(*high).all() {
                     Ok(())
                 } else {
-                    Err(format!("pins: {self:?}; accepted: the lowest corner first, the highest second"))
+                    Err(format!("{self:?}; accepted: the lowest corner first, the highest second"))
                 }
             }
             Self::Top(fraction) if !(0.0..=1.0).contains(fraction) => {
-                Err(format!("pins: Top({fraction}); accepted: 0 to 1"))
+                Err(format!("Top({fraction}); accepted: 0 to 1"))
             }
             _ => Ok(()),
         }

@@ -1,8 +1,15 @@
 //! Time-stepping methods, one a file. To add one, write its file and add its line to the registry below.
 //!
 //! A method advances m a = F(t, x, v) from t to t + dt. It owns parameters and scratch, never state: replaced by a fresh
-//! one between two steps it changes no bit of the trajectory, so methods can be switched while a cloth moves.
+//! one between two steps it changes no bit of the trajectory, so methods can be switched while a cloth moves. What a
+//! method must carry from step to step stands in the [`Memory`](crate::model::Memory) of the state, which the caller
+//! empties when method, dt, springs or pins change, and which travels with every snapshot.
 
+mod blocks;
+mod colouring;
+mod conjugate_gradients;
+mod inertia;
+mod newton;
 mod region;
 mod registry;
 mod settings;
@@ -20,7 +27,12 @@ registry::registry! {
     symplectic_euler::SymplecticEuler,
     velocity_verlet::VelocityVerlet,
     rk4::Rk4,
+    implicit_euler::ImplicitEuler,
+    implicit_midpoint::ImplicitMidpoint,
+    bdf2::Bdf2,
     verlet::Verlet,
+    xpbd::Xpbd,
+    vbd::Vbd,
 }
 
 /// A method: its parameters are the fields of the type (declared with [`params!`](crate::params!)), its update is

@@ -4,14 +4,18 @@
 //! x* = x + (1 - α) dt v + dt² F(t)/m with gravity, wind and hands in F; then `sweeps` times, for each spring, the two ends move
 //! along it until it has its rest length: half of the correction each, all of it where the other end is fixed; at last
 //! v = (x(t + dt) - x(t)) / dt, which is the displacement that position Verlet keeps (Jakobsen, "Advanced character
-//! physics", 2001).
+//! physics", 2001). Halves let momentum drift where masses differ; shares in proportion to 1/m keep it (Müller, Heidelberger,
+//! Hennix, Ratcliff, "Position based dynamics", 2007).
 //!
-//! The order of constraints is part of the method, since each sees what those before it did: stretch, then shear, then
-//! bend springs; within a kind by lower, then higher particle index.
+//! The order of constraints is part of the method, since each sees what those before it did. Creation: stretch, then
+//! shear, then bend springs; within a kind by lower, then higher particle index. Coloured: groups of springs that do not
+//! touch, so that what a spring sees hangs less on where in the list it stands.
 //!
 //! It solves another model than the springs: stiffness and spring damping are ignored, and how stiff the cloth looks is
 //! a matter of dt and sweeps. Any dt stays bounded. A sweep costs about one force evaluation.
 
+use super::colouring::ColouredSprings;
+use super::inertia::velocities_of_the_way;
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::{Real, Vector};
@@ -27,6 +31,26 @@ crate::choice! {
     }
 }
 
+crate::choice! {
+    /// How a correction is shared between the two ends of a spring.
+    pub enum Correction {
+        /// Half each, whatever their masses, as in the thesis.
+        HalfHalf,
+        /// In proportion to 1/m, which keeps momentum.
+        MassWeighted,
+    }
+}
+
+crate::choice! {
+    /// The order in which springs are put right.
+    pub enum Order {
+        /// As they were made.
+        Creation,
+        /// Groups of springs that do not touch, one after the other.
+        Coloured,
+    }
+}
+
 crate::params! {
     /// Position Verlet with relaxation.
     pub struct Verlet {
@@ -37,6 +61,11 @@ crate::params! {
         damping_law: DampingLaw = DampingLaw::Air;
         /// Part α of the velocity that is lost each step under PerStep.
         damping_ratio: f64 = 0.01, range 0.0..=1.0, slider linear 0.0..=0.1;
+        /// HalfHalf: both ends of a spring move alike, as in the thesis. MassWeighted: in proportion to 1/m, which keeps
+        /// momentum where masses differ.
+        correction: Correction = Correction::HalfHalf;
+        /// Creation: springs in the order in which they were made. Coloured: groups of springs that do not touch.
+        order: Order = Order::Creation;
     }
 }
 
@@ -45,6 +74,8 @@ crate::params! {
 pub struct Buffers<T: Real> {
     force: Vec<T::Vec3>,
     start: Vec<T::Vec3>,
+    /// Empty unless the order is that of colours.
+    coloured: ColouredSprings<T>,
 }
 
 impl Simulator for Verlet {
@@ -63,7 +94,7 @@ impl Simulator for Verlet {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { force, start } = scratch;
+        let Buffers { force, start, coloured } = scratch;
         force.resize(state.len(), T::Vec3::default());
         problem.external_forces(state, force);
         cost.force_evaluations += 1;
@@ -75,13 +106,25 @@ impl Simulator for Verlet {
             let ratio = if w > T::ZERO { kept.ratio(problem.mass[i]) } else { T::ONE };
             *x += (*v * ratio + force[i] * (w * dt)) * dt;
         }
+        let (pairs, rest) = match self.order {
+            Order::Creation => (&problem.springs.pairs, &problem.springs.rest),
+            Order::Coloured => {
+                coloured.prepare(problem);
+                (&coloured.pairs, &coloured.rest)
+            }
+        };
         for _ in 0..self.sweeps {
-            relax(problem, &mut state.positions);
+            match self.correction {
+                Correction::HalfHalf => {
+                    relax(pairs, rest, &mut state.positions, |i, j| half_half(&problem.inverse_mass, i, j));
+                }
+                Correction::MassWeighted => {
+                    relax(pairs, rest, &mut state.positions, |i, j| weighted(&problem.inverse_mass, i, j));
+                }
+            }
             cost.spring_visits += problem.springs.len() as u64;
         }
-        for ((v, x), start) in state.velocities.iter_mut().zip(&state.positions).zip(&*start) {
-            *v = (*x - *start) * (T::ONE / dt);
-        }
+        velocities_of_the_way(start, state, dt, &problem.inverse_mass);
     }
 
     /// Relaxation only ever shortens errors of length, so theory sets no limit.
@@ -114,20 +157,36 @@ impl<T: Real> KeptVelocity<'_, T> {
     }
 }
 
-/// One sweep over all springs.
-fn relax<T: Real>(problem: &Problem<T>, positions: &mut [T::Vec3]) {
+/// The part of a correction that each end makes: half, or all of it where the other cannot move.
+fn half_half<T: Real>(inverse_mass: &[T], i: usize, j: usize) -> Option<(T, T)> {
     let half = T::from_f64(0.5);
-    for (pair, &rest) in problem.springs.pairs.iter().zip(&problem.springs.rest) {
+    match [i, j].map(|p| inverse_mass[p] > T::ZERO) {
+        [true, true] => Some((half, half)),
+        [true, false] => Some((T::ONE, T::ZERO)),
+        [false, true] => Some((T::ZERO, T::ONE)),
+        [false, false] => None,
+    }
+}
+
+/// The part of a correction that each end makes, in proportion to 1/m.
+fn weighted<T: Real>(inverse_mass: &[T], i: usize, j: usize) -> Option<(T, T)> {
+    let (wi, wj) = (inverse_mass[i], inverse_mass[j]);
+    let w = wi + wj;
+    (w > T::ZERO).then(|| (wi / w, wj / w))
+}
+
+/// One sweep over all springs; `shares` answers with none where neither end can move.
+fn relax<T: Real>(
+    pairs: &[[u32; 2]],
+    rest: &[T],
+    positions: &mut [T::Vec3],
+    shares: impl Fn(usize, usize) -> Option<(T, T)>,
+) {
+    for (pair, &rest) in pairs.iter().zip(rest) {
         let [i, j] = pair.map(|p| p as usize);
+        let Some((share_i, share_j)) = shares(i, j) else { continue };
         let d = positions[j] - positions[i];
         let length = d.length();
-        let free = [i, j].map(|p| problem.inverse_mass[p] > T::ZERO);
-        let (share_i, share_j) = match free {
-            [true, true] => (half, half),
-            [true, false] => (T::ONE, T::ZERO),
-            [false, true] => (T::ZERO, T::ONE),
-            [false, false] => continue,
-        };
         if length > T::ZERO {
             let correction = d * ((length - rest) / length);
             positions[i] += correction * share_i;

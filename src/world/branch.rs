@@ -4,7 +4,7 @@ use super::cloth::Cloth;
 use super::{AnyState, Health, Jitter, Ledger, Snapshot, World, build_cloth};
 use crate::forces::{Cost, Problem};
 use crate::math::{Real, Vector};
-use crate::model::{Particles, Topology};
+use crate::model::{Memory, Particles, Topology};
 use crate::scene::{Place, Refusal, Scene};
 use crate::target::QuadMesh;
 use glam::DVec3;
@@ -60,6 +60,7 @@ impl Snapshot {
             positions: positions.to_vec(),
             velocities: velocities.to_vec(),
             broken,
+            memory: Memory::default(),
         };
         Self { state: AnyState::Double(state), ..self.clone() }
     }

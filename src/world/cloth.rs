@@ -139,6 +139,7 @@ impl<T: Build> Cloth<T> {
         self.state.broken.extend(torn.iter().map(|s| springs.ids[*s]));
         self.state.broken.sort_unstable();
         self.problem.remove_springs(&torn);
+        self.state.memory.forget();
         self.measure_rest();
         torn.len()
     }

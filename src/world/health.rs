@@ -17,14 +17,16 @@ pub enum Health {
     /// Nothing to tell.
     #[default]
     Ok,
-    /// Bounded, but particles shake from step to step: dt is beyond the limit of the current shape.
+    /// Bounded, but not to be trusted.
     Unsettled {
         /// Step at which it was first seen.
         step: u64,
         /// Simulated time of that step, s.
         time: f64,
-        /// A particle that shakes.
+        /// A particle that shakes, else the fastest.
         particle: u32,
+        /// Why.
+        cause: Cause,
     },
     /// Not finite, or with an energy that no force has given it. The state shown is the last good one, one step before.
     Diverged {
@@ -35,6 +37,16 @@ pub enum Health {
         /// The first particle that is not finite, else the fastest.
         particle: u32,
     },
+}
+
+/// Why a simulation that stays bounded is not to be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Cause {
+    /// Particles shake from step to step: dt is beyond the limit of the current shape.
+    Shaking,
+    /// The method did not solve the equations of its step to its tolerance.
+    Unsolved,
 }
 
 impl Health {
@@ -126,21 +138,27 @@ impl Ledger {
     /// Books a step of `dt` (s) that ended in `cloth`; answers with the particle to blame where it has diverged.
     pub fn step<T: Real>(&mut self, cloth: &Cloth<T>, dt: f64) -> Option<u32> {
         let tally = Tally::of(cloth);
+        if tally.mass == 0.0 {
+            // Nothing can move, so nothing can diverge.
+            return None;
+        }
         let gravity = cloth.problem.gravity.unwrap_or_default();
         let wind = cloth.problem.wind.as_ref().map_or(DVec3::ZERO, |w| w.force(cloth.state.time));
         self.given += (wind.dot(tally.velocity) * dt).max(0.0);
         let fallen = gravity.dot(tally.weighted - self.weighted).max(0.0);
         // One spring length and one step of free acceleration a step are no sign of anything.
         let stride = cloth.mean_rest / dt;
-        let push = wind * (tally.count / tally.mass.max(f64::MIN_POSITIVE)) + gravity;
+        let push = wind * (tally.count / tally.mass) + gravity;
         let freely = 0.5 * tally.mass * (stride * stride + (push * dt).length_squared());
-        let sound = tally.kinetic <= EXCESS * (self.given + fallen + freely);
+        // What is allowed is itself infinite where dt is so short that its square is 0.
+        let finite = tally.kinetic.is_finite() && tally.weighted.is_finite();
+        let sound = finite && tally.kinetic <= EXCESS * (self.given + fallen + freely);
         (!sound).then(|| worst(cloth))
     }
 }
 
 /// The first particle that is not finite, else the fastest.
-fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
+pub(super) fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
     let states = || cloth.state.positions.iter().zip(&cloth.state.velocities);
     let finite = |(x, v): (&T::Vec3, &T::Vec3)| x.to_f64().is_finite() && v.to_f64().is_finite();
     let speed = |v: &T::Vec3| v.to_f64().length_squared();

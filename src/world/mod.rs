@@ -11,13 +11,13 @@ mod recording;
 
 pub use clock::{Clock, Tick};
 pub use command::{Command, REACH, STIFFEST_PULL};
-pub use health::Health;
+pub use health::{Cause, Health};
 pub use measure::{Energy, Measures};
 pub use recording::{Entry, Recording};
 
 use crate::forces::{Cost, Spectrum};
 use crate::math::{Real, Vector};
-use crate::model::{Particles, Topology};
+use crate::model::{Memory, Particles, Topology};
 use crate::scene::{Built, Place, Precision, Refusal, Scene};
 use crate::target::{ImportReport, QuadMesh};
 use cloth::{Cloth, Shape};
@@ -159,6 +159,9 @@ impl World {
     /// A particle that is not there or not held, a point out of reach, a setting that is refused. Nothing has changed then.
     pub fn apply(&mut self, command: Command) -> Result<(), Refusal> {
         self.act(&command)?;
+        if !matches!(command, Command::Drag { .. }) {
+            on!(&mut self.cloth, c => c.state.memory.forget());
+        }
         self.log.push(Entry { step: self.step, command });
         self.health = Health::Ok;
         self.checkpoint = None;
@@ -376,7 +379,7 @@ impl World {
         if self.checkpoint.as_ref().is_none_or(|c| self.step - c.step >= CHECKPOINT) {
             self.checkpoint = Some(Box::new(self.snapshot()));
         }
-        let dt = self.scene.dt;
+        let (dt, unsolved) = (self.scene.dt, self.cost.unsolved_steps);
         self.advance();
         if dt > 0.0 {
             let blamed = on!(&self.cloth, c => self.ledger.step(c, dt));
@@ -386,8 +389,13 @@ impl World {
                 return;
             }
             let shaking = on!(&self.cloth, c => self.jitter.step(c, self.step, dt));
-            if let (Some(particle), Health::Ok) = (shaking, self.health) {
-                self.health = Health::Unsettled { step: self.step, time: self.time(), particle };
+            let unsettled = if self.cost.unsolved_steps > unsolved {
+                Some((on!(&self.cloth, c => health::worst(c)), Cause::Unsolved))
+            } else {
+                shaking.map(|particle| (particle, Cause::Shaking))
+            };
+            if let (Some((particle, cause)), Health::Ok) = (unsettled, self.health) {
+                self.health = Health::Unsettled { step: self.step, time: self.time(), particle, cause };
             }
         }
     }
@@ -414,6 +422,7 @@ impl World {
         on!(cloth, c => {
             ledger.hands(c, hands);
             for hand in hands.iter().filter(|h| h.holds()) {
+                // From where the hand is, not the particle: rounded to single precision that would be a phantom velocity.
                 c.set_velocity(hand.particle, (hand.next() - hand.at()) / dt);
             }
             c.set_pulls(hands);
@@ -642,10 +651,15 @@ impl World {
     }
 
     /// A number that is the same for two worlds exactly when, short of a collision, every bit of their particles' state
-    /// is: FNV-1a (Fowler, Noll, Vo) over time, positions and velocities.
+    /// is: FNV-1a (Fowler, Noll, Vo) over time, positions, velocities and what the method remembers.
     pub fn digest(&self) -> u64 {
-        let vectors = self.positions().into_iter().chain(self.velocities());
-        let words = vectors.flat_map(|v| [v.x, v.y, v.z]).chain([self.time()]).map(f64::to_bits);
+        let (remembered, numbers): (Vec<_>, Vec<_>) = on!(&self.cloth, c => {
+            let Memory { vectors, numbers } = &c.state.memory;
+            (vectors.iter().map(|v| v.to_f64()).collect(), numbers.clone())
+        });
+        let vectors = self.positions().into_iter().chain(self.velocities()).chain(remembered);
+        let words =
+            vectors.flat_map(|v| [v.x, v.y, v.z]).chain([self.time()]).chain(numbers).map(f64::to_bits);
         let torn = self.broken().iter().map(|id| u64::from(*id));
         words.chain(torn).flat_map(u64::to_le_bytes).fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
             (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
@@ -677,6 +691,7 @@ fn convert<A: Real, B: Real>(state: &Particles<A>) -> Particles<B> {
         positions: all(&state.positions),
         velocities: all(&state.velocities),
         broken: state.broken.clone(),
+        memory: Memory::default(),
     }
 }
 

@@ -1,14 +1,32 @@
 //! What the viewport shows, and in which colours.
 
-use egui::{Color32, RichText, Slider, Ui, WidgetInfo};
+use egui::{Align2, Color32, FontId, Rect, Slider, Ui, WidgetInfo, pos2, vec2};
 
-use crate::app::render::{Style, Theme, strain_colour};
+use crate::app::render::{Ramp, Style, Theme};
+
+/// What is shown besides the style: how lanes lie, and whether their distance colours them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Display {
+    /// All lanes in one picture instead of one each.
+    pub overlaid: bool,
+    /// The cloth is coloured by its distance from the reference lane.
+    pub distance: bool,
+    /// Distance that gets the last colour of the ramp, m.
+    pub distance_range: f32,
+}
+
+impl Default for Display {
+    fn default() -> Self {
+        Self { overlaid: false, distance: false, distance_range: 1.0 }
+    }
+}
 
 /// The panel.
-pub fn display_ui(ui: &mut Ui, style: &mut Style) {
+pub fn display_ui(ui: &mut Ui, style: &mut Style, display: &mut Display, lanes: usize) {
     ui.checkbox(&mut style.surface, "Surface").on_hover_text("The lit cloth");
     ui.add_enabled_ui(style.surface, |ui| {
-        ui.checkbox(&mut style.edges, "Edges of the faces");
+        ui.checkbox(&mut style.edges, "Edges of the faces")
+            .on_hover_text("Without the diagonals inside of quads");
         ui.checkbox(&mut style.surface_values, "Surface by strain")
             .on_hover_text("Mean strain of the springs around each particle");
     });
@@ -28,12 +46,14 @@ pub fn display_ui(ui: &mut Ui, style: &mut Style) {
             colour.widget_info(|| {
                 WidgetInfo::labeled(egui::Role::ColorWell, true, format!("Colour of {name}"))
             });
-            ui.checkbox(&mut style.springs[kind], name);
+            ui.checkbox(&mut style.springs[kind], name)
+                .on_hover_text("Shown as lines while this kind is enabled");
         });
     }
     slider(ui, "Line width", &mut style.line_width, 0.5..=6.0, "Points");
-    ui.checkbox(&mut style.spring_strain, "Springs by strain");
-    if style.spring_strain || style.surface_values {
+    ui.checkbox(&mut style.spring_strain, "Springs by strain")
+        .on_hover_text("Colours every spring by |d|/L - 1 instead of by its kind");
+    ui.add_enabled_ui(style.spring_strain || style.surface_values, |ui| {
         slider(
             ui,
             "Strain range",
@@ -41,17 +61,26 @@ pub fn display_ui(ui: &mut Ui, style: &mut Style) {
             0.001..=2.0,
             "Strain that gets the last colour of the ramp",
         );
-        legend(ui, style.value_range);
+    });
+    if lanes > 1 {
+        ui.checkbox(&mut display.distance, "Surface by distance")
+            .on_hover_text("Distance of every particle from the reference lane");
+        ui.add_enabled_ui(display.distance, |ui| {
+            let tip = "Distance that gets the last colour of the ramp, m";
+            slider(ui, "Distance range", &mut display.distance_range, 1e-6..=100.0, tip);
+        });
     }
     ui.add_space(4.0);
-    ui.checkbox(&mut style.ground, "Ground grid");
+    ui.checkbox(&mut style.ground, "Ground grid")
+        .on_hover_text("Its cells follow the view: a power of ten, in m");
     ui.add_enabled_ui(style.ground, |ui| {
-        ui.checkbox(&mut style.axes, "Axes");
-        ui.checkbox(&mut style.shadow, "Shadow");
+        ui.checkbox(&mut style.axes, "Axes").on_hover_text("x red, z blue, on the ground");
+        ui.checkbox(&mut style.shadow, "Shadow").on_hover_text("Of the cloth on the ground");
     });
     ui.horizontal(|ui| {
-        ui.selectable_value(&mut style.theme, Theme::Dark, "Dark");
-        ui.selectable_value(&mut style.theme, Theme::Light, "Light");
+        ui.label("Theme");
+        ui.selectable_value(&mut style.theme, Theme::Dark, "Dark").on_hover_text("T");
+        ui.selectable_value(&mut style.theme, Theme::Light, "Light").on_hover_text("T");
     });
     ui.collapsing("Colours", |ui| {
         let colours = &mut style.colours;
@@ -91,27 +120,43 @@ fn slider(ui: &mut Ui, name: &str, value: &mut f32, range: std::ops::RangeInclus
     });
 }
 
-/// The strain ramp with its ends and middle.
-pub fn legend(ui: &mut Ui, range: f32) {
-    let width = ui.available_width().min(220.0);
-    let (rect, _) = ui.allocate_exact_size(egui::vec2(width, 12.0), egui::Sense::hover());
-    let steps = 64;
-    for i in 0..steps {
-        let value = (i as f32 + 0.5) / steps as f32 * 2.0 - 1.0;
-        let [r, g, b] = strain_colour(value);
-        let left = rect.left() + width * i as f32 / steps as f32;
-        let cell = egui::Rect::from_min_size(
-            egui::pos2(left, rect.top()),
-            egui::vec2(width / steps as f32 + 0.5, 12.0),
-        );
-        ui.painter().rect_filled(cell, 0.0, Color32::from_rgb(r, g, b));
+/// What the colours mean, in a corner of the viewport.
+pub fn legend_ui(ui: &Ui, viewport: Rect, style: &Style, display: &Display) {
+    let by_distance = style.ramp == Ramp::Distance;
+    if !(style.surface_values || style.spring_strain) {
+        return;
     }
-    ui.horizontal(|ui| {
-        ui.set_width(width);
+    let size = vec2(200.0, 10.0);
+    let rect = Rect::from_min_size(viewport.right_bottom() - size - vec2(18.0, 30.0), size);
+    let painter = ui.painter_at(viewport);
+    painter.rect_filled(
+        rect.expand2(vec2(10.0, 8.0)).with_max_y(rect.max.y + 22.0).with_min_y(rect.min.y - 22.0),
+        4.0,
+        ui.visuals().panel_fill.gamma_multiply(0.8),
+    );
+    let (steps, first) = (64, if by_distance { 0.0 } else { -1.0 });
+    for i in 0..steps {
+        let part = (i as f32 + 0.5) / steps as f32;
+        let [r, g, b] = style.ramp.colour(first + (1.0 - first) * part);
+        let cell = Rect::from_min_size(
+            pos2(rect.left() + size.x * i as f32 / steps as f32, rect.top()),
+            vec2(size.x / steps as f32 + 0.5, size.y),
+        );
+        painter.rect_filled(cell, 0.0, Color32::from_rgb(r, g, b));
+    }
+    let colour = ui.visuals().text_color();
+    let text = |at, align, text: String| painter.text(at, align, text, FontId::proportional(11.0), colour);
+    let below = rect.bottom() + 4.0;
+    if by_distance {
+        let name = "distance from the reference lane".to_owned();
+        text(rect.center_top() - vec2(0.0, 4.0), Align2::CENTER_BOTTOM, name);
+        text(pos2(rect.left(), below), Align2::LEFT_TOP, "0".to_owned());
+        text(pos2(rect.right(), below), Align2::RIGHT_TOP, format!("{} m", display.distance_range));
+    } else {
         let percent = |value: f32| format!("{:+.1} %", value * 100.0);
-        ui.label(RichText::new(percent(-range)).small());
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.label(RichText::new(percent(range)).small());
-        });
-    });
+        text(rect.center_top() - vec2(0.0, 4.0), Align2::CENTER_BOTTOM, "strain".to_owned());
+        text(pos2(rect.left(), below), Align2::LEFT_TOP, percent(-style.value_range));
+        text(pos2(rect.center().x, below), Align2::CENTER_TOP, "0".to_owned());
+        text(pos2(rect.right(), below), Align2::RIGHT_TOP, percent(style.value_range));
+    }
 }

@@ -1,62 +1,149 @@
-//! Whether the simulation can be trusted: energies, strain, cost, and dt against its limit.
+//! Whether the simulation can be trusted: dt against its limit, energies and strain over time, cost against real time.
 
-use egui::{Color32, RichText, Ui};
+use egui::{Color32, RichText, Ui, WidgetInfo};
+use egui_plot::{Line, Plot, PlotPoints};
 
-use super::simulation::warnings_ui;
-use crate::app::{engine::LaneState, session::Session};
+use crate::app::{engine::LaneState, session::Session, trace::Sample};
+
+const KINETIC: Color32 = Color32::from_rgb(86, 160, 240);
+const GRAVITATIONAL: Color32 = Color32::from_rgb(150, 120, 220);
+const ELASTIC: Color32 = Color32::from_rgb(240, 160, 70);
+const TOTAL: Color32 = Color32::from_rgb(150, 156, 166);
+const LARGEST: Color32 = Color32::from_rgb(226, 88, 84);
+const MEAN: Color32 = Color32::from_rgb(100, 190, 120);
 
 /// The panel.
 pub fn health_ui(ui: &mut Ui, session: &Session) {
-    let Some(lane) = session.state().lanes.get(session.lane) else { return };
+    let Some(lane) = session.lane_state() else { return };
     gauge(ui, lane);
-    egui::Grid::new("health").num_columns(2).spacing([12.0, 3.0]).show(ui, |ui| {
-        let mut row = |name: &str, value: String, tip: &str| {
-            ui.label(name).on_hover_text(tip);
+    pace(ui, lane);
+    egui::Grid::new("health").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
+        let mut row = |name: &str, colour: Option<Color32>, value: String, tip: &str| {
+            let text = RichText::new(name);
+            ui.label(colour.map_or(text.clone(), |colour| text.color(colour))).on_hover_text(tip);
             ui.monospace(value);
             ui.end_row();
         };
         let energy = lane.measures.energy;
-        row("Kinetic", format!("{:.4e} J", energy.kinetic), "Σ m v² / 2");
-        row("Gravitational", format!("{:.4e} J", energy.gravitational), "Σ m g y");
-        row("Elastic", format!("{:.4e} J", energy.elastic), "Σ k (|d| - L)² / 2");
-        row(
-            "Largest strain",
-            format!("{:.2} %", 100.0 * lane.measures.max_strain),
-            "|d|/L - 1 over the springs that act",
-        );
-        row(
-            "Mean strain",
-            format!("{:.2} %", 100.0 * lane.measures.mean_strain),
-            "|d|/L - 1 over the springs that act",
-        );
-        row("Cost", format!("{:.3} s/s", lane.cost), "Seconds of computing for each simulated second");
-        if lane.broken > 0 {
-            row("Torn springs", lane.broken.to_string(), "Broken for good, until a reset");
-        }
+        row("Kinetic", Some(KINETIC), format!("{:.4e} J", energy.kinetic), "Σ m v² / 2");
+        row("Gravitational", Some(GRAVITATIONAL), format!("{:.4e} J", energy.gravitational), "Σ m g y");
+        row("Elastic", Some(ELASTIC), format!("{:.4e} J", energy.elastic), "Σ k (|d| - L)² / 2");
+        row("Total", Some(TOTAL), format!("{:.4e} J", energy.total()), "Their sum");
     });
-    warnings_ui(ui, session);
+    let samples: Vec<&Sample> = session.trace.lane(session.lane).collect();
+    plot(
+        ui,
+        "Energy over time",
+        &samples,
+        &[
+            ("kinetic", KINETIC, |s| s.energy.kinetic),
+            ("gravitational", GRAVITATIONAL, |s| s.energy.gravitational),
+            ("elastic", ELASTIC, |s| s.energy.elastic),
+            ("total", TOTAL, |s| s.energy.total()),
+        ],
+    );
+    egui::Grid::new("strain").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
+        let tip = "|d|/L - 1 over the springs that act";
+        let rows = [
+            ("Largest strain", LARGEST, lane.measures.max_strain),
+            ("Mean strain", MEAN, lane.measures.mean_strain),
+        ];
+        for (name, colour, strain) in rows {
+            ui.label(RichText::new(name).color(colour)).on_hover_text(tip);
+            ui.monospace(format!("{:.2} %", 100.0 * strain));
+            ui.end_row();
+        }
+        ui.label("Torn springs").on_hover_text("Broken for good, until a reset or an undo");
+        ui.monospace(lane.broken.to_string());
+        ui.end_row();
+    });
+    plot(
+        ui,
+        "Strain over time",
+        &samples,
+        &[("largest %", LARGEST, |s| 100.0 * s.max_strain), ("mean %", MEAN, |s| 100.0 * s.mean_strain)],
+    );
+}
+
+type Series = (&'static str, Color32, fn(&Sample) -> f64);
+
+fn plot(ui: &mut Ui, name: &str, samples: &[&Sample], series: &[Series]) {
+    let lines: Vec<Line<'_>> = series
+        .iter()
+        .map(|(name, colour, value)| {
+            let points: PlotPoints<'_> = samples.iter().map(|s| [s.time, value(s)]).collect();
+            Line::new(*name, points).color(*colour).width(1.5)
+        })
+        .collect();
+    let shown = Plot::new(name)
+        .height(96.0)
+        .show_axes([true, true])
+        .y_axis_min_width(38.0)
+        .y_axis_formatter(|mark, _| short(mark.value))
+        .x_axis_formatter(|mark, _| format!("{} s", crate::params::Short(mark.value)))
+        .allow_drag(false)
+        .allow_zoom(false)
+        .allow_scroll(false)
+        .allow_boxed_zoom(false)
+        .show(ui, |plot| lines.into_iter().for_each(|line| plot.line(line)));
+    shown.response.widget_info(|| WidgetInfo::labeled(egui::Role::Label, true, name));
+}
+
+/// Three digits.
+pub fn three(value: f64) -> crate::params::Short {
+    crate::params::Short(format!("{value:.2e}").parse().unwrap_or(value))
+}
+
+/// At most six letters: the axis is narrow.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size >= 1e4 || (size > 0.0 && size < 1e-2) { format!("{value:.0e}") } else { format!("{value}") }
+}
+
+/// Green well below 1, amber near it, red above.
+fn colour_of(part: f32) -> Color32 {
+    match part {
+        p if p < 0.8 => Color32::from_rgb(90, 180, 110),
+        p if p <= 1.0 => Color32::from_rgb(230, 170, 60),
+        _ => Color32::from_rgb(220, 80, 70),
+    }
+}
+
+fn bar(ui: &mut Ui, name: &str, part: f32, text: String, tip: &str) {
+    let shown = if part.is_finite() { part.clamp(0.0, 1.0) } else { 1.0 };
+    let bar = egui::ProgressBar::new(shown).fill(colour_of(part)).corner_radius(2.0).desired_height(7.0);
+    let response = ui.add(bar);
+    response.widget_info(|| WidgetInfo::labeled(egui::Role::ProgressIndicator, true, name));
+    ui.label(RichText::new(text).small()).on_hover_text(tip);
 }
 
 /// dt as a part of the largest stable one.
 fn gauge(ui: &mut Ui, lane: &LaneState) {
     let dt = lane.scene.dt;
-    let Some(limit) = lane.dt_limit else {
-        ui.label(RichText::new(format!("dt {dt} s; this method has no stability limit")).small());
-        return;
+    let tip = "Largest stable dt in theory, for small motions around the current shape";
+    let (part, text) = match lane.dt_limit {
+        None => (0.0, format!("dt {dt} s: this method has no stability limit")),
+        Some(limit) if limit > 0.0 => {
+            let part = dt / limit;
+            (
+                part as f32,
+                format!("dt {dt} s is {:.0} % of the stability limit {} s", 100.0 * part, three(limit)),
+            )
+        }
+        Some(_) => (f32::INFINITY, format!("dt {dt} s: this method is stable at no dt here")),
     };
-    let part = if limit > 0.0 { (dt / limit) as f32 } else { f32::INFINITY };
-    let colour = match part {
-        p if p < 0.8 => Color32::from_rgb(90, 180, 110),
-        p if p <= 1.0 => Color32::from_rgb(230, 170, 60),
-        _ => Color32::from_rgb(220, 80, 70),
-    };
-    let text = if limit > 0.0 {
-        format!("dt {dt} s is {:.0} % of the limit {limit:.4} s", 100.0 * part)
-    } else {
-        format!("dt {dt} s: no dt is stable here")
-    };
-    let bar = egui::ProgressBar::new(part.min(1.0)).fill(colour).corner_radius(2.0).desired_height(8.0);
-    ui.add(bar);
-    ui.label(RichText::new(text).small())
-        .on_hover_text("Largest stable dt in theory, for small motions around the current shape");
+    bar(ui, "dt against the stability limit", part, text, tip);
+}
+
+/// Computing time of a step as a part of the time that it simulates.
+fn pace(ui: &mut Ui, lane: &LaneState) {
+    let step = lane.cost * lane.scene.dt * 1000.0;
+    let text = format!("{step:.3} ms a step, {:.0} % of real time", 100.0 * lane.cost);
+    bar(
+        ui,
+        "Time per step against real time",
+        lane.cost as f32,
+        text,
+        "Computing time of a step, and as a part of the time that it simulates; above 100 % it becomes slow motion",
+    );
 }

@@ -1,15 +1,25 @@
 //! The panels around the viewport. They read the session, and ask for changes through it.
 
+mod banner;
+mod dialogs;
 mod display;
 mod health;
 mod icons;
+mod lanes;
+mod menu;
 mod params;
 mod simulation;
 mod status;
+mod target;
 mod transport;
 
-pub use display::display_ui;
+pub use banner::banner_ui;
+pub use dialogs::{Ask, dialog_ui, gallery_ui, help_ui};
+pub use display::{Display, display_ui, legend_ui};
 pub use health::health_ui;
+pub use lanes::{lane_colour, lanes_ui, name_of};
+pub use menu::{Action, menu_ui, pressed};
 pub use simulation::simulation_ui;
 pub use status::status_ui;
-pub use transport::transport_ui;
+pub use target::target_ui;
+pub use transport::{change_speed, hands_ui, transport_ui};

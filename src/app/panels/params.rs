@@ -39,6 +39,14 @@ pub struct Changes {
     pub ended: bool,
 }
 
+impl Changes {
+    /// Adds those of another set.
+    pub fn add(&mut self, more: Self) {
+        self.changes.extend(more.changes);
+        self.ended |= more.ended;
+    }
+}
+
 /// Draws what `show` shows to a visitor. Paths begin with `prefix`; a path for which `hide` is true is left out.
 pub fn params_ui(
     ui: &mut Ui,
@@ -103,7 +111,7 @@ impl ParamsUi<'_> {
             response.on_hover_text(tip);
             changed = new;
             if differs {
-                let (name, tip) = (format!("Reset {name}"), format!("Back to {default}"));
+                let (name, tip) = (format!("Default of {name}"), format!("Back to {default}"));
                 if small_icon_button(ui, Icon::Back, &name, &tip).clicked() {
                     changed = Some(default.clone());
                     ended = true;
@@ -136,7 +144,7 @@ fn tooltip(info: &Info, key: &str, default: &str) -> String {
 fn number_slider(ui: &mut Ui, info: &Info, value: &mut f64, name: &str, integer: bool) -> egui::Response {
     let suffix = if info.unit.is_empty() { String::new() } else { format!(" {}", info.unit) };
     let response = if let Some((scale, range)) = &info.slider {
-        ui.spacing_mut().slider_width = (ui.available_width() - 132.0).clamp(40.0, 150.0);
+        ui.spacing_mut().slider_width = (ui.available_width() - 116.0).clamp(40.0, 150.0);
         let mut slider = Slider::new(value, range.clone())
             .logarithmic(*scale == Scale::Log)
             .clamping(SliderClamping::Never)

@@ -6,7 +6,6 @@ use super::params::{Change, Changes, WARNING, params_ui};
 use crate::{
     app::session::Session,
     params::Params,
-    scene::Mass,
     simulators::{self, Model, find},
 };
 
@@ -19,32 +18,57 @@ pub fn simulation_ui(ui: &mut Ui, session: &mut Session) {
     let ignores_stiffness =
         find(&scene.simulator.id).is_ok_and(|entry| entry.model == Model::RigidConstraints);
     if let Ok(entry) = find(&scene.simulator.id) {
-        let changes = params_ui(ui, "simulator.params", &|_| false, |visitor| {
+        own.add(params_ui(ui, "simulator.params", &|_| false, |visitor| {
             entry.visit(&scene.simulator.params, visitor);
-        });
-        own.changes.extend(changes.changes);
-        own.ended |= changes.ended;
+        }));
     }
     let lane_keys = ["precision", "dt"];
     let own_only = |key: &str| !lane_keys.contains(&key);
-    let changes = params_ui(ui, "", &own_only, |visitor| scene.visit(visitor));
-    own.changes.extend(changes.changes);
-    own.ended |= changes.ended;
+    own.add(params_ui(ui, "", &own_only, |visitor| scene.visit(visitor)));
     // Lanes differ in these and in nothing else.
     send(session, (lanes > 1).then_some(lane), own);
     ui.separator();
-    let mut shared = mass_ui(ui, &scene.mass);
+    if !ignores_stiffness {
+        set_all_ui(ui, session);
+    }
     let hide = |key: &str| {
         let elsewhere = ["target", "pins", "mass", "simulator", "precision", "dt"];
         elsewhere.contains(&key) || (ignores_stiffness && key.ends_with(".stiffness"))
     };
-    let changes = params_ui(ui, "", &hide, |visitor| scene.visit(visitor));
-    shared.changes.extend(changes.changes);
-    shared.ended |= changes.ended;
+    let shared = params_ui(ui, "", &hide, |visitor| scene.visit(visitor));
     send(session, None, shared);
 }
 
-fn send(session: &mut Session, lane: Option<usize>, changes: Changes) {
+/// One stiffness for all kinds of springs, as a first guess.
+fn set_all_ui(ui: &mut Ui, session: &mut Session) {
+    let springs = session.scene().springs.clone();
+    let kinds = [("stretch", &springs.stretch), ("shear", &springs.shear), ("bend", &springs.bend)];
+    let mut value = springs.stretch.stiffness;
+    ui.horizontal(|ui| {
+        ui.label("All springs").on_hover_text("Sets one stiffness for stretch, shear and bend");
+        let speed = (value * 0.01).max(1e-3);
+        let field = egui::DragValue::new(&mut value).range(0.0..=1e12).speed(speed).suffix(" N/m");
+        let field = ui.add(field.max_decimals(3));
+        field.widget_info(|| WidgetInfo::labeled(egui::Role::SpinButton, true, "All springs stiffness"));
+        let changed = field.changed();
+        let ended = field.drag_stopped() || field.lost_focus();
+        let pressed = ui
+            .button("Same for all")
+            .on_hover_text("Gives shear and bend the stiffness of stretch")
+            .clicked();
+        if changed || pressed {
+            let change = |(kind, now): &(&str, &crate::forces::springs::Kind)| {
+                (format!("springs.{kind}.stiffness"), format!("{value:?}"), format!("{:?}", now.stiffness))
+            };
+            session.set_all(None, "one stiffness for all springs", &kinds.each_ref().map(change));
+        }
+        if ended || pressed {
+            session.end_edit();
+        }
+    });
+}
+
+pub(super) fn send(session: &mut Session, lane: Option<usize>, changes: Changes) {
     for Change { key, value, before } in changes.changes {
         session.set(lane, &key, &value, &before);
     }
@@ -83,6 +107,10 @@ fn method_ui(ui: &mut Ui, session: &Session) -> Changes {
 /// `symplectic_euler` becomes `Symplectic Euler`.
 pub fn title(id: &str) -> String {
     let words = id.split('_').map(|word| {
+        // Abbreviations, as in rk4.
+        if word.ends_with(|c: char| c.is_ascii_digit()) {
+            return word.to_uppercase();
+        }
         let mut word = word.to_owned();
         if let Some(first) = word.get_mut(..1) {
             first.make_ascii_uppercase();
@@ -90,40 +118,6 @@ pub fn title(id: &str) -> String {
         word
     });
     words.collect::<Vec<_>>().join(" ")
-}
-
-fn mass_ui(ui: &mut Ui, mass: &Mass) -> Changes {
-    let (mut by_area, mut value) = match *mass {
-        Mass::PerParticle(value) => (false, value),
-        Mass::PerArea(value) => (true, value),
-    };
-    let text =
-        |by_area: bool, value: f64| format!("{}({value:?})", if by_area { "PerArea" } else { "PerParticle" });
-    let before = text(by_area, value);
-    let mut ended = false;
-    ui.horizontal(|ui| {
-        ui.label(RichText::new("Mass").strong())
-            .on_hover_text("Of every particle, or by the area of the faces around it");
-        let combo = egui::ComboBox::from_id_salt("mass kind")
-            .width(110.0)
-            .selected_text(if by_area { "per area" } else { "per particle" })
-            .show_ui(ui, |ui| {
-                ui.selectable_value(&mut by_area, false, "per particle");
-                ui.selectable_value(&mut by_area, true, "per area");
-            });
-        combo.response.widget_info(|| WidgetInfo::labeled(egui::Role::ComboBox, true, "Mass kind"));
-        let unit = if by_area { " kg/m²" } else { " kg" };
-        let speed = (value * 0.01).max(1e-6);
-        let field =
-            egui::DragValue::new(&mut value).speed(speed).range(Mass::RANGE).suffix(unit).max_decimals(6);
-        let field = ui.add(field);
-        field.widget_info(|| WidgetInfo::labeled(egui::Role::SpinButton, true, "Mass"));
-        ended = field.drag_stopped() || field.lost_focus();
-    });
-    let now = text(by_area, value);
-    let changes =
-        if now == before { Vec::new() } else { vec![Change { key: "mass".to_owned(), value: now, before }] };
-    Changes { changes, ended }
 }
 
 /// Warnings of the lane, one a line.

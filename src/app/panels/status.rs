@@ -5,15 +5,16 @@ use egui::{RichText, Ui};
 use super::params::WARNING;
 use crate::{app::session::Session, world::Health};
 
-/// The bar; `device` and `uploaded` (bytes a picture) come from the window.
-pub fn status_ui(ui: &mut Ui, session: &Session, device: &str, uploaded: u64) {
+/// The bar; `busy` says what is being read, `device` and `uploaded` (bytes a picture) come from the window.
+pub fn status_ui(ui: &mut Ui, session: &Session, busy: Option<&str>, device: &str, uploaded: u64) {
     let state = session.state();
     let Some(lane) = state.lanes.get(session.lane) else { return };
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 14.0;
         let springs: usize = lane.geometry.springs.iter().map(Vec::len).sum();
         ui.label(format!("{} particles · {springs} springs", lane.positions.len()));
-        ui.label(RichText::new(format!("t = {:.2} s", lane.time)).monospace());
+        ui.label(RichText::new(format!("t = {:<9}", format!("{:.2} s", lane.time))).monospace())
+            .on_hover_text("Simulated time");
         match (state.running, state.pace) {
             (false, _) => ui.label("paused"),
             (true, Some(pace)) if pace < 0.95 * state.speed => ui.label(
@@ -31,12 +32,20 @@ pub fn status_ui(ui: &mut Ui, session: &Session, device: &str, uploaded: u64) {
                 ui.label(RichText::new(text).color(ui.visuals().error_fg_color));
             }
         }
-        if let Some(message) = &session.message {
-            ui.label(RichText::new(message).weak());
-        }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.label(RichText::new(device).weak().small());
-            ui.label(RichText::new(format!("{:.0} kB/frame", uploaded as f64 / 1000.0)).weak().small());
+            ui.label(RichText::new(device).weak().small()).on_hover_text("What draws");
+            let kilobytes = format!("{:5.0} kB/frame", uploaded as f64 / 1000.0);
+            ui.label(RichText::new(kilobytes).weak().small())
+                .on_hover_text("Uploaded to it for the last picture");
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                let opening = busy.or(session.opening());
+                if let Some(name) = opening {
+                    ui.spinner();
+                    ui.add(egui::Label::new(format!("opening {name}")).truncate());
+                } else if let Some(message) = &session.message {
+                    ui.add(egui::Label::new(message).truncate()).on_hover_text(message);
+                }
+            });
         });
     });
 }

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{
-    Frame, Renderer, STRAIN_RAMP, Style, Topology,
+    Frame, Renderer, Style, Topology,
     buffer::Buffer,
     lines::{KINDS, LineSet},
     normals::triangles_around,
@@ -194,7 +194,7 @@ impl Cloth {
         let colours = &style.colours;
         let [stretch, shear, bend] = colours.springs.map(rgba);
         let mut ramp = [[1.0; 4]; 8];
-        for (stop, &colour) in ramp.iter_mut().zip(&STRAIN_RAMP) {
+        for (stop, &colour) in ramp.iter_mut().zip(&style.ramp.stops()) {
             *stop = rgba(colour);
         }
         let on = |switch: bool| f32::from(u8::from(switch));

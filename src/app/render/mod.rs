@@ -16,7 +16,7 @@ mod surface;
 mod view;
 
 pub use cloth::Cloth;
-pub use style::{Colour, Colours, STRAIN_RAMP, Style, Theme, strain_colour};
+pub use style::{Colour, Colours, Ramp, STRAIN_RAMP, Style, Theme};
 pub use view::{Look, View};
 
 /// Bits of [`Frame::flags`].

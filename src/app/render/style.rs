@@ -77,6 +77,9 @@ pub struct Style {
     pub spring_strain: bool,
     /// Strain or value that gets the last colour of the ramp; its negative gets the first.
     pub value_range: f32,
+    /// The colours of values on the surface.
+    #[serde(skip)]
+    pub ramp: Ramp,
     /// Ground grid.
     pub ground: bool,
     /// Coloured x and z axes on the ground.
@@ -104,6 +107,7 @@ impl Default for Style {
             surface_values: false,
             spring_strain: false,
             value_range: 0.2,
+            ramp: Ramp::Strain,
             ground: true,
             axes: true,
             shadow: true,
@@ -113,6 +117,45 @@ impl Default for Style {
         }
     }
 }
+
+/// What values are, and so how they are coloured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ramp {
+    /// Signed: from compressed through unstrained to stretched.
+    #[default]
+    Strain,
+    /// From nothing upwards: brighter is more.
+    Distance,
+}
+
+impl Ramp {
+    /// The stops from -1 to 1.
+    pub fn stops(self) -> [Colour; 7] {
+        match self {
+            Self::Strain => STRAIN_RAMP,
+            Self::Distance => {
+                let [a, b, c, d] = DISTANCE_RAMP;
+                [a, a, a, a, b, c, d]
+            }
+        }
+    }
+
+    /// The colour at `value` between -1 and 1, mixed as the shaders mix it.
+    pub fn colour(self, value: f32) -> Colour {
+        let stops = self.stops();
+        let last = stops.len() - 1;
+        let place = f32::midpoint(value.clamp(-1.0, 1.0), 1.0) * last as f32;
+        let stop = (place as usize).min(last - 1);
+        let part = place - stop as f32;
+        std::array::from_fn(|i| {
+            let (a, b) = (f32::from(stops[stop][i]), f32::from(stops[stop + 1][i]));
+            (a + (b - a) * part).round() as u8
+        })
+    }
+}
+
+/// Stops of the sequential ramp from 0 to 1.
+const DISTANCE_RAMP: [Colour; 4] = [[38, 30, 76], [130, 40, 120], [226, 92, 84], [252, 232, 150]];
 
 /// Stops of the diverging ramp from compressed through unstrained to stretched; the legend and the shaders both read it.
 pub const STRAIN_RAMP: [Colour; 7] = [
@@ -124,18 +167,6 @@ pub const STRAIN_RAMP: [Colour; 7] = [
     [244, 114, 62],
     [218, 32, 54],
 ];
-
-/// The ramp's colour at `value` between -1 and 1, mixed as the shaders mix it.
-pub fn strain_colour(value: f32) -> Colour {
-    let last = STRAIN_RAMP.len() - 1;
-    let place = f32::midpoint(value.clamp(-1.0, 1.0), 1.0) * last as f32;
-    let stop = (place as usize).min(last - 1);
-    let part = place - stop as f32;
-    std::array::from_fn(|i| {
-        let (a, b) = (f32::from(STRAIN_RAMP[stop][i]), f32::from(STRAIN_RAMP[stop + 1][i]));
-        (a + (b - a) * part).round() as u8
-    })
-}
 
 /// A display colour as the shaders' four numbers between 0 and 1.
 pub(super) fn rgba(colour: Colour) -> [f32; 4] {
@@ -149,9 +180,9 @@ mod tests {
 
     #[test]
     fn the_ramp_is_neutral_at_rest_and_clamps_at_its_ends() {
-        assert_eq!(strain_colour(0.0), STRAIN_RAMP[3]);
-        assert_eq!(strain_colour(-9.0), STRAIN_RAMP[0]);
-        assert_eq!(strain_colour(9.0), STRAIN_RAMP[6]);
+        assert_eq!(Ramp::Strain.colour(0.0), STRAIN_RAMP[3]);
+        assert_eq!(Ramp::Strain.colour(-9.0), STRAIN_RAMP[0]);
+        assert_eq!(Ramp::Strain.colour(9.0), STRAIN_RAMP[6]);
     }
 
     #[test]

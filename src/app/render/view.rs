@@ -22,7 +22,7 @@ pub struct Look<'a> {
 }
 
 #[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
+#[derive(Clone, Copy, PartialEq, Pod, Zeroable)]
 struct Uniform {
     clip_from_world: [[f32; 4]; 4],
     eye: [f32; 4],
@@ -44,6 +44,7 @@ pub struct View {
     pub(super) bind_group: wgpu::BindGroup,
     pub(super) shadow_map: wgpu::TextureView,
     pub(super) shadow_group: wgpu::BindGroup,
+    shown: Option<Uniform>,
     uploaded: u64,
 }
 
@@ -86,14 +87,17 @@ impl View {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
             ],
         });
-        Self { uniform, bind_group, shadow_map, shadow_group, uploaded: 0 }
+        Self { uniform, bind_group, shadow_map, shadow_group, shown: None, uploaded: 0 }
     }
 
-    /// Uploads the look.
+    /// Uploads the look if it is another one than last time.
     pub fn set(&mut self, queue: &wgpu::Queue, look: &Look<'_>, style: &Style) {
         let content = uniform(look, style);
-        queue.write_buffer(&self.uniform.inner, 0, bytemuck::bytes_of(&content));
-        self.uploaded += size_of::<Uniform>() as u64;
+        if self.shown != Some(content) {
+            queue.write_buffer(&self.uniform.inner, 0, bytemuck::bytes_of(&content));
+            self.uploaded += size_of::<Uniform>() as u64;
+            self.shown = Some(content);
+        }
     }
 
     /// Bytes uploaded since the last call.

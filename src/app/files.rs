@@ -1,0 +1,325 @@
+//! Opening and saving: scenes and meshes are read and written on threads of their own, so that the interface never waits.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::mpsc::{Receiver, TryRecvError, channel},
+};
+
+use super::{order::Order, preferences::Preferences, session::Session};
+use crate::{
+    scene::{self, Mass, Opened, Pending, Refusal, Scene, Target},
+    world::World,
+};
+
+/// Endings of files that can be opened.
+const SCENES: [&str; 1] = ["ron"];
+const MESHES: [&str; 3] = ["obj", "gltf", "glb"];
+
+/// What a file dialog of the system is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// A scene or mesh to open.
+    Open,
+    /// Where to save the scene.
+    Save,
+    /// Where to save the recording.
+    Record,
+}
+
+/// What comes after a question was answered, or a file was saved.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// A new scene.
+    New,
+    /// Ask for a file to open.
+    Ask,
+    /// Open a file or a built-in scene.
+    Open(String),
+    /// Close the window.
+    Quit,
+}
+
+/// Work on a thread of its own.
+struct Job<T>(Receiver<T>);
+
+impl<T: Send + 'static> Job<T> {
+    /// Starts; without a window to wake, the work is done at once.
+    fn start(window: Option<&egui::Context>, work: impl FnOnce() -> T + Send + 'static) -> Self {
+        let (sender, receiver) = channel();
+        if let Some(window) = window.cloned() {
+            // A thread that does not start drops the sender: the job then ends without an answer.
+            let _ = std::thread::Builder::new().name("files".to_owned()).spawn(move || {
+                // Nobody waits any more: then nobody needs the answer.
+                let _ = sender.send(work());
+                window.request_repaint();
+            });
+        } else {
+            let _ = sender.send(work());
+        }
+        Self(receiver)
+    }
+
+    /// The answer, or why there is none: not yet, or never.
+    fn answer(&self) -> Result<T, TryRecvError> {
+        self.0.try_recv()
+    }
+}
+
+/// Takes the answer of a job, and the job away once it has ended.
+fn take<T: Send + 'static>(job: &mut Option<Job<T>>) -> Option<T> {
+    let answer = job.as_ref()?.answer();
+    if !matches!(answer, Err(TryRecvError::Empty)) {
+        *job = None;
+    }
+    answer.ok()
+}
+
+/// What is being opened and saved.
+#[derive(Default)]
+pub struct Files {
+    /// What is remembered.
+    pub preferences: Preferences,
+    window: Option<egui::Context>,
+    loading: Option<(String, Job<Result<Opened, Refusal>>)>,
+    saving: Option<Job<(PathBuf, Result<(), Refusal>)>>,
+    picking: Option<(Purpose, Job<Option<PathBuf>>)>,
+    after_saving: Option<Next>,
+}
+
+impl Files {
+    /// Files with what was remembered.
+    pub fn new(preferences: Preferences) -> Self {
+        Self { preferences, ..Self::default() }
+    }
+
+    /// Works on threads from now on, and wakes this window.
+    pub fn attach(&mut self, window: &egui::Context) {
+        self.window = Some(window.clone());
+    }
+
+    /// Opens a scene, a mesh or a built-in scene by name.
+    pub fn open(&mut self, name: &str) {
+        let meshes = self.preferences.meshes.clone();
+        let wanted = name.to_owned();
+        let job = Job::start(self.window.as_ref(), move || load(&wanted, &meshes));
+        self.loading = Some((name.to_owned(), job));
+    }
+
+    /// What is being read.
+    pub fn loading(&self) -> Option<&str> {
+        self.loading.as_ref().map(|(name, _)| name.as_str())
+    }
+
+    /// Writes the first lane's scene, and then does what comes next.
+    pub fn save(&mut self, session: &Session, path: &Path, next: Option<Next>) {
+        let Some(scene) = session.scenes().first() else { return };
+        let path = with_ending(path);
+        let scene = session.place().moved(scene, path.parent().unwrap_or(Path::new(".")));
+        self.after_saving = next;
+        self.saving = Some(Job::start(self.window.as_ref(), move || {
+            let written = write(&scene, &path);
+            (path, written)
+        }));
+    }
+
+    /// Writes a recording.
+    pub fn record(session: &mut Session, path: &Path) {
+        let path = with_ending(path);
+        session.message = Some(format!("recording saved: {}", path.display()));
+        session.order(Order::Record(path));
+    }
+
+    /// Asks the system for a file. Where it has no dialog nothing comes of it: the path field is there too.
+    pub fn pick(&mut self, purpose: Purpose, proposed: &Path) {
+        let mut dialog = rfd::AsyncFileDialog::new();
+        if let Some(folder) = proposed.parent().filter(|folder| folder.is_dir()) {
+            dialog = dialog.set_directory(folder);
+        }
+        let name = proposed.file_name().unwrap_or_default().to_string_lossy();
+        // Made here, as some systems want it, but waited for elsewhere.
+        self.picking = Some(match purpose {
+            Purpose::Open => {
+                let all: Vec<&str> = SCENES.iter().chain(&MESHES).copied().collect();
+                let answer = dialog.add_filter("Scenes and meshes", &all).pick_file();
+                (purpose, self.wait_for(answer))
+            }
+            Purpose::Save | Purpose::Record => {
+                let answer = dialog.add_filter("RON", &SCENES).set_file_name(name).save_file();
+                (purpose, self.wait_for(answer))
+            }
+        });
+    }
+
+    fn wait_for(
+        &self,
+        answer: impl Future<Output = Option<rfd::FileHandle>> + Send + 'static,
+    ) -> Job<Option<PathBuf>> {
+        let work = move || pollster::block_on(answer).map(|file| file.path().to_owned());
+        Job::start(self.window.as_ref(), work)
+    }
+
+    /// Whether a dialog of the system is open.
+    pub fn is_picking(&self) -> bool {
+        self.picking.is_some()
+    }
+
+    /// Takes what the threads have done. Returns what was picked, and what comes next.
+    pub fn poll(&mut self, session: &mut Session) -> (Option<(Purpose, PathBuf)>, Option<Next>) {
+        if let Some((_, job)) = &self.loading {
+            match job.answer() {
+                Ok(Ok(opened)) => self.has_loaded(session, opened),
+                Ok(Err(refusal)) => {
+                    session.message = Some(refusal.to_string());
+                    self.loading = None;
+                }
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Disconnected) => {
+                    session.message = Some("the system gives no thread to read files".to_owned());
+                    self.loading = None;
+                }
+            }
+        }
+        let mut next = None;
+        match take(&mut self.saving) {
+            Some((path, Ok(()))) => {
+                self.preferences.remember(&path);
+                session.has_saved(path);
+                next = self.after_saving.take();
+            }
+            Some((_, Err(refusal))) => {
+                session.message = Some(refusal.to_string());
+                self.after_saving = None;
+            }
+            None => {}
+        }
+        let answer = self.picking.as_ref().map(|(purpose, job)| (*purpose, job.answer()));
+        let picked = match answer {
+            Some((_, Err(TryRecvError::Empty))) | None => None,
+            Some((purpose, answer)) => {
+                self.picking = None;
+                answer.ok().flatten().map(|path| (purpose, path))
+            }
+        };
+        (picked, next)
+    }
+
+    fn has_loaded(&mut self, session: &mut Session, opened: Opened) {
+        self.loading = None;
+        if let Some(file) = &opened.file {
+            self.preferences.remember(file);
+        } else if let Target::Mesh(mesh) = &opened.scene.target
+            && !mesh.path.starts_with("asset:")
+        {
+            self.preferences.remember(Path::new(&mesh.path));
+            self.preferences.allow(Path::new(&mesh.path));
+        }
+        session.open(vec![opened.into()]);
+    }
+}
+
+/// Reads what a name means. A scene may open the meshes that the user has opened himself.
+fn load(name: &str, meshes: &[PathBuf]) -> Result<Opened, Refusal> {
+    let path = Path::new(name);
+    let name = if path.extension().is_some() {
+        let full = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        full.to_string_lossy().into_owned()
+    } else {
+        name.to_owned()
+    };
+    let mut opened = scene::open(&name)?;
+    if opened.file.is_some() {
+        meshes.iter().for_each(|mesh| opened.place.allow(mesh));
+    }
+    if let Some(short) = Path::new(&opened.title).file_name() {
+        opened.title = short.to_string_lossy().into_owned();
+    }
+    Ok(dress(opened))
+}
+
+/// A mesh that comes without a scene is taken as light cotton, with a step that is stable for it: with the values of the 25 m sheet
+/// a garment would stretch to several times its length.
+pub fn dress(mut opened: Opened) -> Opened {
+    let is_bare = opened.scene == Scene { target: opened.scene.target.clone(), ..Scene::default() };
+    if opened.file.is_some() || !is_bare || !matches!(opened.scene.target, Target::Mesh(_)) {
+        return opened;
+    }
+    let mut scene = Scene { mass: Mass::PerArea(0.2), air_damping: 2e-4, dt: 1e-3, ..opened.scene.clone() };
+    let springs = &mut scene.springs;
+    springs.damping = 1e-3;
+    springs.stretch.stiffness = 50.0;
+    springs.shear.stiffness = 10.0;
+    springs.bend.stiffness = 0.5;
+    let limit = World::new(scene.clone(), opened.place.clone()).ok().and_then(|world| {
+        let masses = scene.mass.of(world.mesh()).ok()?;
+        let weight = scene.gravity.magnitude * masses.iter().sum::<f64>() / masses.len() as f64;
+        let limit = world.dt_limit(&world.spectrum()).filter(|l| *l > 0.0 && l.is_finite())?;
+        Some((limit, weight.max(1e-9)))
+    });
+    // What cannot be built so is opened as it is, and told why.
+    if let Some((limit, weight)) = limit {
+        scene.dt = readable(0.7 * limit.min(0.02));
+        // A wind that lifts it, and does not tear it away.
+        scene.wind.strength = readable(weight);
+        opened.scene = scene;
+    }
+    opened
+}
+
+/// The largest number of one digit that is not above `value`.
+fn readable(value: f64) -> f64 {
+    let power = value.log10().floor();
+    let digit = (value / 10_f64.powf(power) * (1.0 + 1e-9)).floor();
+    // Through text, which has no rounding error.
+    format!("{digit}e{power}").parse().unwrap_or(value)
+}
+
+fn write(scene: &Scene, path: &Path) -> Result<(), Refusal> {
+    Pending::new(path)?.finish(scene.to_ron()?.as_bytes())
+}
+
+/// A file without an ending is a scene.
+fn with_ending(path: &Path) -> PathBuf {
+    if path.extension().is_some() { path.to_owned() } else { path.with_extension("ron") }
+}
+
+/// Where the open scene would be saved: in its file, beside its mesh, or in the working folder.
+pub fn proposal(session: &Session) -> PathBuf {
+    if let Some(file) = session.file() {
+        return file.clone();
+    }
+    let stem = Path::new(session.title()).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = format!("{}.ron", if stem.is_empty() { "scene" } else { &stem });
+    let folder = match &session.scene().target {
+        Target::Mesh(mesh) if !mesh.path.starts_with("asset:") => Path::new(&mesh.path).parent(),
+        _ => None,
+    };
+    let folder = folder.filter(|folder| folder.is_absolute()).map(Path::to_owned);
+    folder.or_else(|| std::env::current_dir().ok()).unwrap_or_default().join(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_readable() {
+        for (value, expected) in [(0.0123, 0.01), (0.02, 0.02), (0.00056, 0.0005), (0.1, 0.1), (3.9e-5, 3e-5)]
+        {
+            assert_eq!(readable(value), expected);
+        }
+    }
+
+    #[test]
+    fn a_bare_mesh_becomes_cloth_with_a_stable_step() {
+        let plain = scene::open("assets/meshes/cape_mixed.obj").expect("a mesh");
+        let dressed = dress(plain.clone());
+        assert_eq!(dressed.scene.mass, Mass::PerArea(0.2));
+        let world = World::new(dressed.scene.clone(), dressed.place.clone()).expect("a world");
+        let limit = world.dt_limit(&world.spectrum()).expect("a limit");
+        assert!(dressed.scene.dt <= 0.7 * limit);
+        // Whoever has set anything means what he says.
+        let mut set = plain;
+        set.scene.dt = 0.01;
+        assert_eq!(dress(set.clone()).scene, set.scene);
+    }
+}

@@ -1,0 +1,279 @@
+//! One simulation of the engine, with what is kept beside it for the interface.
+
+use std::{
+    collections::{BTreeMap, VecDeque},
+    sync::Arc,
+    time::Duration,
+};
+
+use glam::DVec3;
+
+use super::{
+    geometry::Geometry,
+    order::{LaneSetup, LaneState, Values},
+    render::flag,
+};
+use crate::{
+    scene::{Place, Refusal, Scene, to_ron},
+    target::ImportReport,
+    world::{Command, Measures, Snapshot, World},
+};
+
+/// Simulated time between two states remembered for going back, s.
+const REMEMBER_EVERY: f64 = 0.1;
+/// Particles from which on several threads step a cloth: below, telling them costs more than they do.
+const MANY: usize = 10_000;
+/// More threads than these only wait for memory.
+const MOST_THREADS: usize = 8;
+
+/// A simulation.
+pub(super) struct Lane {
+    pub title: String,
+    pub world: World,
+    /// The scene that the world was made of; none once it no longer starts there.
+    pub start: Option<Scene>,
+    pub place: Place,
+    pub geometry: Arc<Geometry>,
+    /// Torn springs that `geometry` leaves out; none once the geometry is out of date.
+    pub shape: Option<usize>,
+    pub previous: Vec<[f32; 3]>,
+    /// States to go back to, with their times.
+    pub remembered: VecDeque<(f64, Snapshot)>,
+    /// Computing time and simulated time since the last measurement.
+    pub spent: (Duration, f64),
+    measures: Measures,
+    dt_limit: Option<f64>,
+    warnings: Arc<Vec<String>>,
+    report: Arc<ImportReport>,
+    mass: f64,
+    cost: f64,
+}
+
+impl Lane {
+    pub fn open(setup: LaneSetup) -> Result<Self, Refusal> {
+        let start = setup.scene.clone();
+        let world = World::new(setup.scene, setup.place.clone()).map_err(|e| e.at(&setup.title))?;
+        let mut lane = Self::of(setup.title, world, setup.place);
+        lane.start = Some(start);
+        lane.set_threads();
+        lane.refresh();
+        lane.measure();
+        lane.remember(usize::MAX);
+        Ok(lane)
+    }
+
+    /// A lane that goes on from this one's state.
+    pub fn branch(&self, title: String, settings: Vec<(String, String)>) -> Result<Self, Refusal> {
+        let mut world = World::new(Scene::default(), self.place.clone())?;
+        world.restore(&self.world.snapshot());
+        for (key, value) in settings {
+            world.apply(Command::Set { key, value })?;
+        }
+        let mut lane = Self::of(title, world, self.place.clone());
+        lane.set_threads();
+        lane.refresh();
+        lane.measure();
+        lane.remember(usize::MAX);
+        Ok(lane)
+    }
+
+    fn of(title: String, world: World, place: Place) -> Self {
+        Self {
+            title,
+            world,
+            start: None,
+            place,
+            geometry: Arc::default(),
+            shape: None,
+            previous: Vec::new(),
+            remembered: VecDeque::new(),
+            spent: (Duration::ZERO, 0.0),
+            measures: Measures::default(),
+            dt_limit: None,
+            warnings: Arc::default(),
+            report: Arc::default(),
+            mass: 0.0,
+            cost: 0.0,
+        }
+    }
+
+    fn set_threads(&mut self) {
+        if self.world.mesh().positions.len() >= MANY {
+            let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+            // Fewer threads give the same result, only later.
+            let _ = self.world.set_threads((cores - 1).clamp(1, MOST_THREADS));
+        }
+    }
+
+    /// Takes over what changes with commands only.
+    pub fn refresh(&mut self) {
+        self.warnings = Arc::new(self.world.warnings());
+        self.report = Arc::new(self.world.report().clone());
+        let masses = self.world.scene().mass.of(self.world.mesh());
+        self.mass = masses.map_or(0.0, |masses| masses.iter().sum());
+    }
+
+    /// A pass over the springs: energies, strain, cost.
+    pub fn measure(&mut self) {
+        self.measures = self.world.measures();
+        if self.spent.1 > 0.0 {
+            let now = self.spent.0.as_secs_f64() / self.spent.1;
+            self.cost = if self.cost == 0.0 { now } else { 0.7 * self.cost + 0.3 * now };
+            self.spent = (Duration::ZERO, 0.0);
+        }
+    }
+
+    /// Many passes over the springs: the largest stable dt.
+    pub fn limit(&mut self) {
+        self.dt_limit = self.world.dt_limit(&self.world.spectrum());
+    }
+
+    pub fn remember(&mut self, most: usize) {
+        let time = self.world.time();
+        if self.remembered.back().is_none_or(|(last, _)| time >= last + REMEMBER_EVERY) {
+            self.remembered.push_back((time, self.world.snapshot()));
+            while self.remembered.len() > most {
+                self.remembered.pop_front();
+            }
+        }
+    }
+
+    /// Goes to a state; hands that held something then have long let go.
+    pub fn restore(&mut self, snapshot: &Snapshot) {
+        self.world.restore(snapshot);
+        let particles: Vec<u32> = self.world.held().collect();
+        if !particles.is_empty() {
+            // Only particles that are held are named.
+            let _ = self.world.apply(Command::Release { particles });
+        }
+        let now = self.world.time();
+        while self.remembered.back().is_some_and(|(time, _)| *time > now) {
+            self.remembered.pop_back();
+        }
+        self.shape = None;
+        self.previous.clear();
+        self.refresh();
+    }
+
+    /// Goes back to the last state remembered `seconds` before now, or to the oldest. What was set since stays set.
+    pub fn go_back(&mut self, seconds: f64) {
+        let wanted = self.world.time() - seconds;
+        while self.remembered.len() > 1 && self.remembered.back().is_some_and(|(time, _)| *time > wanted) {
+            self.remembered.pop_back();
+        }
+        if let Some((_, snapshot)) = self.remembered.pop_back() {
+            let scene = self.world.scene().clone();
+            self.restore(&snapshot);
+            self.adopt(&scene);
+            self.remembered.push_back((self.world.time(), self.world.snapshot()));
+        }
+    }
+
+    /// Sets what a newer scene of the same target has set.
+    fn adopt(&mut self, scene: &Scene) {
+        let old = self.world.scene().clone();
+        let mut set = |key: &str, differs: bool, value: Result<String, Refusal>| {
+            if let (true, Ok(value)) = (differs, value) {
+                // Accepted once, it is accepted again.
+                let _ = self.world.apply(Command::Set { key: key.to_owned(), value });
+            }
+        };
+        // Before the pins, which may need it.
+        set("target", old.target != scene.target, to_ron(&scene.target));
+        set("pins", old.pins != scene.pins, to_ron(&scene.pins.list(&scene.target)));
+        set("mass", old.mass != scene.mass, to_ron(&scene.mass));
+        set("springs", old.springs != scene.springs, to_ron(&scene.springs));
+        set("air_damping", old.air_damping != scene.air_damping, to_ron(&scene.air_damping));
+        set("gravity", old.gravity != scene.gravity, to_ron(&scene.gravity));
+        set("wind", old.wind != scene.wind, to_ron(&scene.wind));
+        set("tearing", old.tearing != scene.tearing, to_ron(&scene.tearing));
+        set("simulator", old.simulator != scene.simulator, to_ron(&scene.simulator));
+        set("precision", old.precision != scene.precision, to_ron(&scene.precision));
+        set("dt", old.dt != scene.dt, to_ron(&scene.dt));
+    }
+
+    /// What the interface sees. `posed` are held particles whose hand has moved while no time passed.
+    pub fn state(
+        &mut self,
+        values: Values,
+        reference: Option<&[DVec3]>,
+        posed: &BTreeMap<u32, DVec3>,
+        geometries: &mut u64,
+    ) -> LaneState {
+        let world = &self.world;
+        // Between commands springs only tear: their number tells.
+        let shape = Some(world.broken().len());
+        if shape != self.shape {
+            *geometries += 1;
+            self.geometry = Arc::new(Geometry::of(world, *geometries));
+            self.shape = shape;
+        }
+        let mut positions = Vec::new();
+        world.positions_f32(&mut positions);
+        for (particle, to) in posed {
+            if let Some(position) = positions.get_mut(*particle as usize) {
+                *position = to.as_vec3().to_array();
+            }
+        }
+        let mut flags: Vec<u32> =
+            world.pinned().iter().map(|pinned| if *pinned { flag::PINNED } else { 0 }).collect();
+        for particle in world.held() {
+            flags[particle as usize] |= flag::GRABBED;
+        }
+        let apart = reference.filter(|r| r.len() == positions.len()).map(|reference| {
+            let own = world.positions();
+            own.iter().zip(reference).map(|(a, b)| a.distance(*b)).collect::<Vec<f64>>()
+        });
+        let distance = apart.as_ref().map(|apart| {
+            let square = apart.iter().map(|d| d * d).sum::<f64>() / apart.len().max(1) as f64;
+            [square.sqrt(), apart.iter().copied().fold(0.0, f64::max)]
+        });
+        let values = match values {
+            Values::None => None,
+            Values::Strain => Some(Arc::new(strain_by_particle(world))),
+            Values::Distance => apart.map(|apart| Arc::new(apart.iter().map(|d| *d as f32).collect())),
+        };
+        let previous = (self.previous.len() == positions.len()).then(|| Arc::new(self.previous.clone()));
+        LaneState {
+            title: self.title.clone(),
+            scene: world.scene().clone(),
+            geometry: Arc::clone(&self.geometry),
+            previous,
+            pinned: world.pinned().iter().filter(|pinned| **pinned).count(),
+            flags: Arc::new(flags),
+            values,
+            time: world.time(),
+            steps: world.steps(),
+            health: world.health(),
+            measures: self.measures,
+            dt_limit: self.dt_limit,
+            cost: self.cost,
+            distance,
+            broken: world.broken().len(),
+            mass: self.mass,
+            report: Arc::clone(&self.report),
+            warnings: Arc::clone(&self.warnings),
+            positions: Arc::new(positions),
+        }
+    }
+}
+
+/// The mean strain of the acting springs around each particle.
+fn strain_by_particle(world: &World) -> Vec<f32> {
+    let mut strains = Vec::new();
+    world.strains(&mut strains);
+    let pairs = &world.topology().pairs;
+    let starts = [0, pairs[0].len(), pairs[0].len() + pairs[1].len()];
+    let pair_of = |id: usize| {
+        let kind = starts.iter().rposition(|start| id >= *start).unwrap_or(0);
+        pairs[kind][id - starts[kind]]
+    };
+    let mut sums = vec![(0.0_f32, 0_u32); world.mesh().positions.len()];
+    for &(id, strain) in &strains {
+        for particle in pair_of(id as usize) {
+            let sum = &mut sums[particle as usize];
+            *sum = (sum.0 + strain, sum.1 + 1);
+        }
+    }
+    sums.into_iter().map(|(sum, count)| if count > 0 { sum / count as f32 } else { 0.0 }).collect()
+}

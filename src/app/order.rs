@@ -1,0 +1,161 @@
+//! What the interface asks of the engine, and what it sees of it.
+
+use std::{
+    path::PathBuf,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use glam::DVec3;
+
+use super::geometry::Geometry;
+use crate::{
+    scene::{Opened, Place, Scene},
+    target::ImportReport,
+    world::{Command, Health, Measures},
+};
+
+/// What the interface can ask for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Order {
+    /// Replaces everything by these lanes.
+    Open(Vec<LaneSetup>),
+    /// Adds a lane that goes on from the present state of another, with settings of its own.
+    AddLane {
+        /// The lane that it starts from.
+        from: usize,
+        /// What to call it.
+        title: String,
+        /// Keys and values in which it differs.
+        settings: Vec<(String, String)>,
+    },
+    /// Removes a lane; the last one stays.
+    RemoveLane(usize),
+    /// Applies a command to one lane, or to all.
+    Apply(Option<usize>, Command),
+    /// Moves what is held to these points over the time of one frame, m.
+    Drag(Vec<(u32, DVec3)>),
+    /// Runs or pauses.
+    Run(bool),
+    /// Takes this many beats now; while running it pauses first.
+    Step(u32),
+    /// Simulated seconds for each second; 1 is real time.
+    Speed(f64),
+    /// Goes back by about this simulated time, s, as far as is remembered.
+    GoBack(f64),
+    /// Remembers the present state of all lanes under a number.
+    Keep(u64),
+    /// Goes to a state that was kept, and keeps the present one in its place. Where commands would do, because nothing has torn
+    /// since and the target is the same, they do: time then does not jump.
+    Exchange {
+        /// Its number.
+        number: u64,
+        /// Commands to one lane, or to all, that lead there too, but for what has torn.
+        otherwise: Vec<(Option<usize>, Command)>,
+    },
+    /// What the surface is to be coloured by.
+    Values(Values),
+    /// The lane that the others are compared with.
+    Reference(usize),
+    /// Writes a recording of the first lane, from its start until now.
+    Record(PathBuf),
+}
+
+/// What the surface can be coloured by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Values {
+    /// Nothing.
+    #[default]
+    None,
+    /// Mean strain of the springs around each particle.
+    Strain,
+    /// Distance from the reference lane, m.
+    Distance,
+}
+
+/// A lane to be opened.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LaneSetup {
+    /// What to call it.
+    pub title: String,
+    /// What it simulates.
+    pub scene: Scene,
+    /// Where its meshes are.
+    pub place: Place,
+    /// The scene's file, which saving writes.
+    pub file: Option<PathBuf>,
+}
+
+impl From<Opened> for LaneSetup {
+    fn from(Opened { scene, place, title, file }: Opened) -> Self {
+        Self { title, scene, place, file }
+    }
+}
+
+/// What a lane looks like now.
+#[derive(Clone, Debug)]
+pub struct LaneState {
+    /// What to call it.
+    pub title: String,
+    /// The scene as it is now, edits included.
+    pub scene: Scene,
+    /// What is drawn of it.
+    pub geometry: Arc<Geometry>,
+    /// Positions after the last step, m.
+    pub positions: Arc<Vec<[f32; 3]>>,
+    /// Positions one step before, where a step takes longer than a picture.
+    pub previous: Option<Arc<Vec<[f32; 3]>>>,
+    /// Pinned and grabbed bits by particle.
+    pub flags: Arc<Vec<u32>>,
+    /// Values by particle, if wanted.
+    pub values: Option<Arc<Vec<f32>>>,
+    /// Simulated time, s.
+    pub time: f64,
+    /// Steps taken.
+    pub steps: u64,
+    /// Whether it can be trusted.
+    pub health: Health,
+    /// Energies and strain.
+    pub measures: Measures,
+    /// Largest stable dt in theory for the shape now, s.
+    pub dt_limit: Option<f64>,
+    /// Seconds of computing for each simulated second.
+    pub cost: f64,
+    /// Root mean square and largest distance from the reference lane, m.
+    pub distance: Option<[f64; 2]>,
+    /// Torn springs.
+    pub broken: usize,
+    /// Pinned particles.
+    pub pinned: usize,
+    /// Mass of all particles, kg.
+    pub mass: f64,
+    /// What the import found.
+    pub report: Arc<ImportReport>,
+    /// What the user should know.
+    pub warnings: Arc<Vec<String>>,
+}
+
+/// What the interface sees of the engine.
+#[derive(Clone, Debug)]
+pub struct State {
+    /// Number of orders taken so far.
+    pub orders: u64,
+    /// Differs for any two states.
+    pub version: u64,
+    /// Whether time passes.
+    pub running: bool,
+    /// Simulated seconds for each second that are asked for.
+    pub speed: f64,
+    /// Simulated seconds for each second that are reached; `None` while paused.
+    pub pace: Option<f64>,
+    /// Wall-clock time of a beat at the speed asked for.
+    pub beat: Duration,
+    /// When the last beat was due.
+    pub at: Instant,
+    /// The lane that the others are compared with.
+    pub reference: usize,
+    /// The lanes.
+    pub lanes: Vec<Arc<LaneState>>,
+    /// The last order that was refused, with its number and why.
+    pub refusal: Option<(u64, String)>,
+}

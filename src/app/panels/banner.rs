@@ -1,0 +1,111 @@
+//! What is told when a simulation has diverged: where, when, why, and what can be done about it.
+
+use egui::{Color32, Frame, RichText, Ui};
+
+use super::health::three;
+use crate::{
+    app::{
+        engine::{LaneState, Order},
+        session::Session,
+    },
+    params::Short,
+    world::Health,
+};
+
+/// A step is safe below this part of the limit.
+const SAFE: f64 = 0.9;
+/// How far back the banner offers to go, s.
+const BACK: f64 = 2.0;
+
+/// The banner, if a lane has diverged.
+pub fn banner_ui(ui: &mut Ui, session: &mut Session) {
+    let lanes = &session.state().lanes;
+    let Some(number) = lanes.iter().position(|lane| lane.health.is_diverged()) else { return };
+    let lane = lanes[number].clone();
+    let only = (lanes.len() > 1).then_some(number);
+    let Health::Diverged { time, particle, .. } = lane.health else { return };
+    // The first frame only finds out how high it is, and while nothing moves there would be no other.
+    ui.ctx().request_repaint_after(std::time::Duration::from_millis(150));
+    let fill =
+        if ui.visuals().dark_mode { Color32::from_rgb(74, 30, 32) } else { Color32::from_rgb(255, 222, 218) };
+    egui::Panel::top("banner").min_size(92.0).frame(Frame::new().fill(fill).inner_margin(8)).show(ui, |ui| {
+        let whose = only.map_or("Diverged".to_owned(), |lane| format!("Lane {} diverged", lane + 1));
+        let text = format!("{whose} at t = {time:.3} s, particle {particle}. Paused at the last good state.");
+        ui.label(RichText::new(text).strong());
+        ui.label(cause(&lane));
+        ui.horizontal_wrapped(|ui| {
+            let dt = lane.scene.dt;
+            let set = |session: &mut Session, to: f64| {
+                session.set(only, "dt", &format!("{to:?}"), &format!("{dt:?}"));
+                session.end_edit();
+            };
+            if ui.button("Halve dt").on_hover_text(format!("dt {} s", Short(dt / 2.0))).clicked() {
+                set(session, dt / 2.0);
+            }
+            if let Some(safe) = safe_step(&lane).filter(|safe| *safe < dt) {
+                let tip = "0.9 of the largest stable step in theory for this shape: it would have held";
+                if ui.button(format!("Set dt to {} s", Short(safe))).on_hover_text(tip).clicked() {
+                    set(session, safe);
+                }
+            }
+            let back = ui
+                .button("Go back 2 s")
+                .on_hover_text("To the state of two simulated seconds ago; what was set since stays set");
+            if back.clicked() {
+                session.order(Order::GoBack(BACK));
+            }
+            if ui.button("Reset").on_hover_text("Back to the start of the scene (R)").clicked() {
+                session.reset();
+            }
+        });
+    });
+}
+
+/// The step that would have held, to two digits.
+fn safe_step(lane: &LaneState) -> Option<f64> {
+    let safe = SAFE * lane.dt_limit.filter(|limit| *limit > 0.0 && limit.is_finite())?;
+    let digit = 10_f64.powf(safe.log10().floor() - 1.0);
+    // Through text, or 0.012 would read 0.012000000000000002.
+    format!("{:.1e}", (safe / digit).floor() * digit).parse().ok()
+}
+
+/// The likely cause, in a sentence.
+fn cause(lane: &LaneState) -> String {
+    let dt = lane.scene.dt;
+    let method = super::simulation::title(&lane.scene.simulator.id);
+    match lane.dt_limit {
+        Some(limit) if limit <= 0.0 => {
+            format!("{method} is stable at no step here: choose another method, or more damping.")
+        }
+        Some(limit) if dt > limit => format!(
+            "dt {} s is {:.2} x the stability limit {} s of {method} in this shape: stiffer springs or lighter particles ask for shorter steps.",
+            Short(dt),
+            dt / limit,
+            three(limit)
+        ),
+        Some(limit) => format!(
+            "dt {} s is {:.2} x the stability limit {} s: a sudden pull, or springs far from their length (largest strain {:.0} %), ask for shorter steps than theory does for small motions.",
+            Short(dt),
+            dt / limit,
+            three(limit),
+            100.0 * lane.measures.max_strain
+        ),
+        None => format!(
+            "{method} has no stability limit in theory: a sudden pull or very strong forces (largest strain {:.0} %) are the likely cause.",
+            100.0 * lane.measures.max_strain
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_safe_step_reads_short() {
+        for (limit, expected) in [(0.0137, "0.012"), (0.0223, "0.02"), (3.1e-4, "0.00027")] {
+            let safe: f64 = 0.9 * limit;
+            let digit = 10_f64.powf(safe.log10().floor() - 1.0);
+            let text: f64 = format!("{:.1e}", (safe / digit).floor() * digit).parse().expect("a number");
+            assert_eq!(format!("{text}"), expected);
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Files that are written whole or not at all.
+
+use super::Refusal;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A file to be: it is written beside its place and renamed into it when whole. Dropped before that, it leaves nothing.
+pub struct Pending {
+    file: tempfile::NamedTempFile,
+    path: PathBuf,
+}
+
+impl Pending {
+    /// Prepares a file. Doing so before long work tells early that a place cannot be written.
+    ///
+    /// # Errors
+    /// The place is a folder, or cannot be written.
+    pub fn new(path: &Path) -> Result<Self, Refusal> {
+        let failed = |e: std::io::Error| Refusal::new(format!("{}: cannot be written: {e}", path.display()));
+        if path.is_dir() {
+            return Err(Refusal::new(format!("{}: is a folder; accepted: a file's name", path.display())));
+        }
+        let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.prefix(".tenter-").tempfile_in(folder).map_err(failed)?;
+        Ok(Self { file, path: path.to_owned() })
+    }
+
+    /// Writes the content and puts the file into its place.
+    ///
+    /// # Errors
+    /// The file cannot be written; then there is none.
+    pub fn finish(mut self, content: &[u8]) -> Result<(), Refusal> {
+        let failed =
+            |e: std::io::Error| Refusal::new(format!("{}: cannot be written: {e}", self.path.display()));
+        self.file.write_all(content).and_then(|()| self.file.as_file().sync_all()).map_err(failed)?;
+        self.file.persist(&self.path).map_err(|e| failed(e.error))?;
+        Ok(())
+    }
+}

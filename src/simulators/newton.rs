@@ -1,0 +1,202 @@
+//! The equations of an implicit step, solved by Newton's method: M̂ (v - v̂) = h F_springs(x, v) with x = x0 + h v.
+//!
+//! Backward Euler over h from (x0, v0); implicit midpoint and BDF2 are made of it. Each Newton step solves
+//! (M̂ + h D + h² K) δv = M̂ (v̂ - v) + h F by conjugate gradients (Baraff and Witkin, "Large steps in cloth simulation", 1998),
+//! D and K the damping and the stiffness of the springs, one symmetric 3x3 block a spring and one a particle; particles that
+//! are pinned or held have no unknown. K leaves out what compressed springs push sideways, so that the matrix is positive
+//! definite and δv always leads downhill in the energy of the step; where it leads too far, it is shortened.
+
+use super::blocks::Block;
+use super::conjugate_gradients::{ConjugateGradients, dot};
+use super::inertia::Inertia;
+use crate::forces::{Cost, Problem};
+use crate::math::{Real, Vector};
+use crate::model::Particles;
+use rayon::prelude::*;
+
+/// How well the equations are to be solved.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Accuracy {
+    /// Most Newton steps. A single one is a method of its own: the springs made linear where the step begins.
+    pub newton_steps: u32,
+    /// Newton's method ends with a correction of this part of the springs' mean rest length, a linear system with a residual
+    /// of this part of its right-hand side.
+    pub tolerance: f64,
+    /// Most iterations of conjugate gradients for a linear system.
+    pub iterations: u32,
+}
+
+/// Scratch of the solver.
+#[derive(Clone, Debug, Default)]
+pub struct Newton<T: Real> {
+    inertia: Inertia<T>,
+    gradients: ConjugateGradients<T>,
+    /// x0, m.
+    start: Vec<T::Vec3>,
+    /// Right-hand side, N s.
+    residual: Vec<T::Vec3>,
+    /// δv, m/s.
+    change: Vec<T::Vec3>,
+    /// h D + h² K of each spring, kg.
+    springs: Vec<Block<T>>,
+    /// The whole of the matrix that a particle has with itself, kg.
+    own: Vec<Block<T>>,
+    /// Mean rest length, m, of the problem of a revision.
+    mean_rest: f64,
+    revision: u64,
+}
+
+impl<T: Real> Newton<T> {
+    /// Takes x0 and v0 in `state` on to x0 + h v and v, with forces from outside at the state's time. A particle that is
+    /// pinned or held keeps v0. What is left unsolved is told in `cost`.
+    pub(super) fn step(
+        &mut self,
+        problem: &Problem<T>,
+        state: &mut Particles<T>,
+        h: T,
+        accuracy: Accuracy,
+        cost: &mut Cost,
+    ) {
+        self.inertia.begin(problem, state, h);
+        self.start.clone_from(&state.positions);
+        let smallest = self.smallest_correction(problem, accuracy.tolerance);
+        self.place(state, h);
+        self.find_residual(problem, state, h, cost);
+        let mut left = f64::INFINITY;
+        for _ in 0..accuracy.newton_steps {
+            self.assemble(problem, state, h);
+            let Self { gradients, residual, change, springs, own, inertia, .. } = self;
+            let multiply =
+                |from: &[T::Vec3], to: &mut [T::Vec3]| multiply(problem, springs, own, inertia, from, to);
+            let solved = gradients.solve(residual, change, accuracy.tolerance, accuracy.iterations, multiply);
+            cost.solver_iterations += u64::from(solved.iterations);
+            let linear = solved.residual / accuracy.tolerance;
+            let farthest = change.iter().map(|c| c.dot(*c).to_f64()).fold(0.0, f64::max).sqrt();
+            let correction = farthest * h.to_f64() / smallest;
+            let single = accuracy.newton_steps == 1;
+            left = if single { linear } else { linear.max(correction) };
+            if left <= 1.0 || single {
+                self.go(state, h, T::ONE);
+                break;
+            }
+            self.go_downhill(problem, state, h, cost);
+        }
+        let shift = self.inertia.keep_momentum(&mut state.velocities);
+        state.positions.iter_mut().for_each(|x| *x += shift * h);
+        cost.solved(left);
+    }
+
+    /// The correction at which Newton's method ends, m; no smaller than rounding allows.
+    fn smallest_correction(&mut self, problem: &Problem<T>, tolerance: f64) -> f64 {
+        if self.revision != problem.revision() {
+            let rest = &problem.springs.rest;
+            let sum: f64 = rest.iter().map(|r| r.to_f64()).sum();
+            // Springs without length give no scale: then it is a part of a metre.
+            self.mean_rest = if sum > 0.0 { sum / rest.len() as f64 } else { 1.0 };
+            self.revision = problem.revision();
+        }
+        let far = self.start.iter().map(|x| x.dot(*x).to_f64()).fold(0.0, f64::max).sqrt();
+        (tolerance * self.mean_rest).max(8.0 * T::EPSILON.to_f64() * far)
+    }
+
+    /// x = x0 + h v.
+    fn place(&self, state: &mut Particles<T>, h: T) {
+        for ((x, &start), &v) in state.positions.iter_mut().zip(&self.start).zip(&state.velocities) {
+            *x = start + v * h;
+        }
+    }
+
+    /// Adds a part of the change found.
+    fn go(&self, state: &mut Particles<T>, h: T, part: T) {
+        for (v, &change) in state.velocities.iter_mut().zip(&self.change) {
+            *v += change * part;
+        }
+        self.place(state, h);
+    }
+
+    /// Adds as much of the change as does not lead past the lowest energy on its way by more than half of the slope that it
+    /// began with, by the rule of false position on that slope. Leaves the residual of where it ends.
+    fn go_downhill(&mut self, problem: &Problem<T>, state: &mut Particles<T>, h: T, cost: &mut Cost) {
+        /// Each shortens the way at least to nine tenths, most to a half and less.
+        const SHORTENED: u32 = 20;
+        let slope = dot::<T>(&self.residual, &self.change);
+        let mut part = 1.0;
+        self.go(state, h, T::ONE);
+        self.find_residual(problem, state, h, cost);
+        for _ in 0..SHORTENED {
+            let here = dot::<T>(&self.residual, &self.change);
+            if here >= -0.5 * slope {
+                break;
+            }
+            let shorter = part * (slope / (slope - here)).clamp(0.1, 0.9);
+            self.go(state, h, T::from_f64(shorter - part));
+            part = shorter;
+            self.find_residual(problem, state, h, cost);
+        }
+    }
+
+    /// M̂ (v̂ - v) + h F, N s.
+    fn find_residual(&mut self, problem: &Problem<T>, state: &Particles<T>, h: T, cost: &mut Cost) {
+        self.residual.clear();
+        self.residual.resize(state.len(), T::Vec3::ZERO);
+        problem.add_spring_forces(state, &mut self.residual, cost);
+        let Inertia { mass, inverse, velocity } = &self.inertia;
+        let particles = mass.iter().zip(inverse).zip(velocity).zip(&state.velocities);
+        for (r, (((&m, &w), &free), &v)) in self.residual.iter_mut().zip(particles) {
+            *r = if w > T::ZERO { (free - v) * m + *r * h } else { T::Vec3::ZERO };
+        }
+    }
+
+    /// The blocks of the matrix in the current shape.
+    fn assemble(&mut self, problem: &Problem<T>, state: &Particles<T>, h: T) {
+        let damping = h * problem.spring_damping;
+        self.own.clear();
+        self.own.extend(self.inertia.mass.iter().map(|&m| Block::scaled_identity(m)));
+        self.springs.clear();
+        for group in &problem.springs.groups {
+            for s in group.range.clone() {
+                let [i, j] = problem.springs.pairs[s].map(|p| p as usize);
+                let d = state.positions[j] - state.positions[i];
+                let block = Block::of_spring(d, problem.springs.rest[s], group.stiffness);
+                let block = block.scaled(h * h, damping);
+                self.own[i].add(&block);
+                self.own[j].add(&block);
+                self.springs.push(block);
+            }
+        }
+        self.gradients.preconditioner.clear();
+        let blocks = self.own.iter().zip(&self.inertia.inverse);
+        let inverses = blocks.map(|(own, &w)| if w > T::ZERO { own.inverse() } else { Block::default() });
+        self.gradients.preconditioner.extend(inverses);
+    }
+}
+
+/// The product of the matrix with `from`, particle by particle, so that threads change no bit of it.
+fn multiply<T: Real>(
+    problem: &Problem<T>,
+    springs: &[Block<T>],
+    own: &[Block<T>],
+    inertia: &Inertia<T>,
+    from: &[T::Vec3],
+    to: &mut [T::Vec3],
+) {
+    /// Particles a task.
+    const TASK: usize = 1024;
+    let incidence = problem.incidence();
+    let one = |(i, to): (usize, &mut T::Vec3)| {
+        *to = T::Vec3::ZERO;
+        if inertia.inverse[i] > T::ZERO {
+            let mut product = own[i].times(from[i]);
+            for &[other, spring] in incidence.around(i) {
+                product -= springs[spring as usize].times(from[other as usize]);
+            }
+            *to = product;
+        }
+    };
+    if problem.parallel() {
+        let tasks = to.par_chunks_mut(TASK).enumerate();
+        tasks.for_each(|(task, chunk)| (task * TASK..).zip(chunk).for_each(one));
+    } else {
+        to.iter_mut().enumerate().for_each(one);
+    }
+}
