@@ -1,11 +1,18 @@
 //! The command line: one file a command. Exit codes: 0 done, 1 input refused, 2 wrong usage, 3 diverged.
 
+mod ablate;
+mod advise;
 mod info;
+mod lab;
 mod listing;
 mod output;
 mod render;
 mod replay;
+mod report;
 mod run;
+mod stability;
+mod study;
+mod trade;
 mod workbench;
 
 use crate::scene::{Opened, Place, Refusal, Scene, Target, open};
@@ -33,6 +40,19 @@ enum Command {
     Run(run::Options),
     /// Says what a scene or mesh holds: particles, springs, pins, mass, faces, dt limits.
     Info(info::Options),
+    /// Measures the trade of speed for accuracy of a scene, every method.
+    Trade(trade::Options),
+    /// Finds where each method stops being stable, against theory.
+    Stability(stability::Options),
+    /// Says what each ingredient of a scene costs, and what leaving it out changes.
+    Ablate(ablate::Options),
+    /// Finds the cheapest method and step that keep an error, or the most accurate within a budget.
+    Advise(advise::Options),
+    /// Writes all studies of a scene as one page, with the data beside it.
+    Report(report::Options),
+    /// Works on the results of studies.
+    #[command(subcommand)]
+    Lab(lab::Command),
     /// Lists the built-in scenes.
     Scenes(listing::Options),
     /// Lists the methods with their parameters, ranges and units.
@@ -55,9 +75,9 @@ struct Common {
     /// Says nothing but errors.
     #[arg(long)]
     quiet: bool,
-    /// Threads to step on; the result does not depend on it.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1024))]
-    threads: u32,
+    /// Threads to work on: one for a single run, all for the lab's trials where nothing is said. No result depends on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    threads: Option<u32>,
 }
 
 fn key_value(text: &str) -> Result<(String, String), String> {
@@ -108,6 +128,12 @@ fn dispatch(line: CommandLine) -> Result<Ending, Refusal> {
     match line.command {
         Some(Command::Run(options)) => run::run(&options),
         Some(Command::Info(options)) => info::info(&options),
+        Some(Command::Trade(options)) => trade::trade(&options),
+        Some(Command::Stability(options)) => stability::stability(&options),
+        Some(Command::Ablate(options)) => ablate::ablate(&options),
+        Some(Command::Advise(options)) => advise::advise(&options),
+        Some(Command::Report(options)) => report::report(&options),
+        Some(Command::Lab(lab::Command::Merge(options))) => lab::merge(&options),
         Some(Command::Scenes(options)) => listing::scenes(&options),
         Some(Command::Simulators(options)) => listing::simulators(&options),
         Some(Command::Replay(options)) => replay::replay(&options),
@@ -117,6 +143,11 @@ fn dispatch(line: CommandLine) -> Result<Ending, Refusal> {
 }
 
 impl Common {
+    /// Threads that one run steps on.
+    fn threads(&self) -> u32 {
+        self.threads.unwrap_or(1)
+    }
+
     /// Opens a scene with the settings of the command line.
     fn open(&self, name: &str) -> Result<Opened, Refusal> {
         let mut opened = open(name)?;
@@ -141,7 +172,7 @@ impl Common {
     fn world(&self, opened: &Opened) -> Result<World, Refusal> {
         let mut world =
             World::new(opened.scene.clone(), opened.place.clone()).map_err(|e| e.at(&opened.title))?;
-        world.set_threads(self.threads as usize)?;
+        world.set_threads(self.threads() as usize)?;
         Ok(world)
     }
 

@@ -24,7 +24,7 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
     let mut place = Place::folder(options.log.parent().unwrap_or(Path::new(".")));
     options.common.change(&mut recording.scene, &mut place)?;
     let mut world = recording.start(place).map_err(|e| e.at(&name))?;
-    world.set_threads(options.common.threads as usize)?;
+    world.set_threads(options.common.threads() as usize)?;
     let mut next = 0;
     let (world, ending) =
         execute(world, &options.results, &options.common, &name.to_string(), recording.steps, |world| {

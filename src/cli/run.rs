@@ -58,13 +58,24 @@ pub struct Results {
     positions: bool,
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+pub fn seconds(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "it is not a number; accepted: seconds, 0 or more")?;
     if value >= 0.0 && value.is_finite() { Ok(value) } else { Err("accepted: seconds, 0 or more".to_owned()) }
 }
 
 /// Set by Ctrl-C: long work stops at the next step and gives what it has.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Lets Ctrl-C stop long work.
+pub fn catch_interrupt() {
+    // Only the first handler of a process can be set; any later call finds the same one.
+    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+}
+
+/// Whether Ctrl-C was pressed.
+pub fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
 
 pub fn run(options: &Options) -> Result<Ending, Refusal> {
     let opened = options.common.open(&options.scene)?;
@@ -123,7 +134,7 @@ pub fn execute(
     let start = Instant::now();
     advance(&mut world, common, steps, between)?;
     let wall_seconds = start.elapsed().as_secs_f64();
-    let result = RunResult::of(&world, wall_seconds, common.threads, results.positions, warnings);
+    let result = RunResult::of(&world, wall_seconds, common.threads(), results.positions, warnings);
     let text = if pending.is_some() || common.json { output::json(&result)? } else { String::new() };
     if let Some(file) = pending {
         file.finish(format!("{text}\n").as_bytes())?;
@@ -144,8 +155,7 @@ pub fn advance(
     steps: u64,
     mut between: impl FnMut(&mut World) -> Result<(), Refusal>,
 ) -> Result<(), Refusal> {
-    // Only the first handler of a process can be set; any later call finds the same one.
-    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+    catch_interrupt();
     let bar = progress(common, steps);
     let mut shown = Instant::now();
     between(world)?;
@@ -168,11 +178,12 @@ pub fn advance(
     Ok(())
 }
 
-fn progress(common: &Common, steps: u64) -> ProgressBar {
+/// A bar on a terminal, for so many parts of work.
+pub fn progress(common: &Common, parts: u64) -> ProgressBar {
     let visible = std::io::stderr().is_terminal() && !common.quiet;
     let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let style = ProgressStyle::with_template("{bar:40} {percent:>3} %, {msg}, {eta} left");
-    ProgressBar::with_draw_target(Some(steps), target)
+    ProgressBar::with_draw_target(Some(parts), target)
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 

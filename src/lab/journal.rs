@@ -93,6 +93,38 @@ pub fn read(path: &Path) -> Result<(Header, BTreeMap<String, Value>), Refusal> {
     Ok((header, trials.map(|line| (line.trial.to_string(), line.result)).collect()))
 }
 
+/// Joins the journals of some folders into one file a study in `out`, and answers with their headers.
+///
+/// # Errors
+/// A file that is no journal; different studies under one name; a folder that cannot be written.
+pub fn join(folders: &[PathBuf], out: &Path) -> Result<Vec<Header>, Refusal> {
+    let mut studies: BTreeMap<String, (Header, BTreeMap<String, Value>)> = BTreeMap::new();
+    for file in folders.iter().flat_map(|folder| files(folder)) {
+        let (header, trials) = read(&file)?;
+        let name = header.command.first().cloned().unwrap_or_default();
+        let (known, all) = studies.entry(name).or_insert_with(|| (header.clone(), BTreeMap::new()));
+        if *known != header {
+            return Err(Refusal::new(format!(
+                "{}: is of another study ({}) than the others ({}); accepted: shards of one",
+                file.display(),
+                header.command.join(" "),
+                known.command.join(" ")
+            )));
+        }
+        all.extend(trials);
+    }
+    let mut headers = Vec::new();
+    for (name, (header, trials)) in studies {
+        let mut text = serde_json::to_string(&header).map_err(|e| Refusal::new(e.to_string()))? + "\n";
+        for (trial, result) in trials {
+            text += &format!("{{\"trial\":{trial},\"result\":{result}}}\n");
+        }
+        write_whole(&out.join(format!("{name}.jsonl")), text.as_bytes())?;
+        headers.push(header);
+    }
+    Ok(headers)
+}
+
 impl Journal {
     /// A journal that is kept in memory only.
     pub fn new() -> Self {

@@ -15,7 +15,7 @@ pub mod equilibrium;
 pub mod journal;
 pub mod metrics;
 pub mod reference;
-//pub mod report;
+pub mod report;
 pub mod stability;
 pub mod timing;
 pub mod trade;

@@ -276,6 +276,8 @@ fn grows(
     for n in 1..=last {
         moved.positions.clone_from(&state.positions);
         moved.velocities.clone_from(&state.velocities);
+        // A multistep method starts afresh: what it remembers belongs to a trajectory, not to a shape held fast.
+        moved.memory.clone_from(&state.memory);
         for ((x, v), [dx, dv]) in moved.positions.iter_mut().zip(&mut moved.velocities).zip(&disturbance) {
             *x += *dx * scale;
             *v += *dv * (scale / dt);

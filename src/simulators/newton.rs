@@ -70,6 +70,8 @@ impl<T: Real> Newton<T> {
                 |from: &[T::Vec3], to: &mut [T::Vec3]| multiply(problem, springs, own, inertia, from, to);
             let solved = gradients.solve(residual, change, accuracy.tolerance, accuracy.iterations, multiply);
             cost.solver_iterations += u64::from(solved.iterations);
+            // The matrix is built from all springs, and every iteration goes over them again.
+            cost.spring_visits += (1 + u64::from(solved.iterations)) * problem.springs.len() as u64;
             let linear = solved.residual / accuracy.tolerance;
             let farthest = change.iter().map(|c| c.dot(*c).to_f64()).fold(0.0, f64::max).sqrt();
             let correction = farthest * h.to_f64() / smallest;

@@ -24,8 +24,15 @@ impl Snapshot {
         } else {
             scene.pins.select(&scene.target, &self.shape.mesh)?
         };
+        let mut cloth = build_cloth(&scene, &self.shape, Some(self.state.clone()))?;
+        if scene != self.scene {
+            match &mut cloth {
+                super::AnyCloth::Single(c) => c.state.memory.forget(),
+                super::AnyCloth::Double(c) => c.state.memory.forget(),
+            }
+        }
         let mut world = World {
-            cloth: build_cloth(&scene, &self.shape, Some(self.state.clone()))?,
+            cloth,
             scene,
             place: Place::default(),
             shape: self.shape.clone(),

@@ -1,0 +1,322 @@
+//! What the studies found, for people and programs: tables as text, CSV, the diagrams as SVG, and one HTML page that
+//! needs nothing beside it.
+
+mod svg;
+
+use super::ablation::Ablation;
+use super::advice::Advice;
+use super::stability::Stability;
+use super::timing::Machine;
+use super::trade::Trade;
+use super::trial::Zone;
+use std::fmt::Write;
+
+pub use svg::{map, trade as trade_diagram};
+
+/// A number for a table, or a dash.
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{value:.3e}"))
+}
+
+fn seconds(value: Option<f64>) -> String {
+    value.map_or_else(|| "none".to_owned(), |value| format!("{value:.6}"))
+}
+
+fn percent(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| format!("{:.1} %", 100.0 * value))
+}
+
+fn zone(zone: Zone) -> &'static str {
+    match zone {
+        Zone::Quiet => "quiet",
+        Zone::Unsettled => "unsettled",
+        Zone::Diverged => "diverged",
+    }
+}
+
+fn incomplete(missing: usize) -> String {
+    if missing > 0 { format!("incomplete: {missing} parts are missing\n") } else { String::new() }
+}
+
+fn machine(machine: Option<&Machine>) -> String {
+    machine.map_or_else(
+        || "time: not measured; trials ran in parallel\n".to_owned(),
+        |m| {
+            format!(
+                "time: one thread at a time, interleaved, on {}, {} threads, {}, tenter {}; the other trials ran in parallel\n",
+                m.processor, m.threads, m.system, m.tenter
+            )
+        },
+    )
+}
+
+/// The trade as a table.
+pub fn trade(table: &Trade) -> String {
+    let mut text = String::new();
+    if let Some(reference) = &table.reference {
+        let _ = writeln!(
+            text,
+            "reference: {} at dt {:.3e} s, uncertain by {:.1e} m; {} is {:.1e} m off; trajectories compare up to {} s",
+            reference.method,
+            reference.dt,
+            reference.uncertainty,
+            reference.second_method,
+            reference.second_distance,
+            reference.valid_until
+        );
+        let _ = writeln!(
+            text,
+            "its largest strain {:.4}, mean strain at the end {:.4}; two starts 1e-8 m apart grow apart {:.1} times",
+            reference.max_strain, reference.mean_strain, reference.growth
+        );
+    }
+    let _ = writeln!(
+        text,
+        "{:36} {:>10} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9} {:>10} {:>10} {:>21}  health",
+        "method",
+        "dt s",
+        "rms m",
+        "max m",
+        "relative",
+        "at rest m",
+        "drift",
+        "strain",
+        "forces/s",
+        "visits/s",
+        "s/s (fastest, slowest)",
+    );
+    for row in &table.rows {
+        let told = |error| if row.below_reference { "<ref".to_owned() } else { number(error) };
+        let time = row.seconds_per_simulated_second.zip(row.seconds_spread);
+        let time = time.map_or_else(|| "-".to_owned(), |(t, [a, b])| format!("{t:.2e} ({a:.2e}, {b:.2e})"));
+        let limit = row.limit_error.map_or_else(String::new, |e| format!(", {e:.2e} off its own limit"));
+        let model = if row.same_model { String::new() } else { format!(", another model{limit}") };
+        let pareto = if row.pareto { ", best of its work" } else { "" };
+        let _ = writeln!(
+            text,
+            "{:36} {:>10.3e} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9} {:>10.3e} {:>10.3e} {:>21}  {}{model}{pareto}",
+            row.settings.label(),
+            row.settings.dt,
+            told(row.rms_error),
+            told(row.max_error),
+            told(row.relative_error),
+            number(row.equilibrium_error),
+            number(row.energy_drift).replace(".000", ""),
+            number(row.max_strain),
+            row.force_evaluations,
+            row.spring_visits,
+            time,
+            zone(row.health)
+        );
+    }
+    for order in &table.orders {
+        let observed = order.observed.map_or_else(|| "not to be told".to_owned(), |o| format!("{o:.2}"));
+        let flag = if order.flagged { "  (off by more than 0.2)" } else { "" };
+        let _ = writeln!(text, "order of {}: {observed}, declared {}{flag}", order.simulator, order.declared);
+    }
+    if table.rows.iter().any(|row| !row.same_model) {
+        text += "another model: springs are taken as rigid constraints; as dt goes to 0 the cloth does not approach the springs. \
+                 How stiff it looks is a matter of dt and sweeps: its strain falls with both.\n";
+    }
+    text + &machine(table.machine.as_ref()) + &incomplete(table.missing)
+}
+
+/// The trade as CSV.
+pub fn trade_csv(table: &Trade) -> String {
+    let mut text = "simulator,params,precision,dt,rms_error,max_error,relative_error,below_reference,equilibrium_error,\
+                    limit_error,energy_drift,max_strain,force_evaluations,spring_visits,seconds_per_simulated_second,\
+                    fastest,slowest,same_model,health,pareto\n"
+        .to_owned();
+    let cell = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:?}"));
+    for row in &table.rows {
+        let params: Vec<_> = row.settings.params.iter().map(|(k, v)| format!("{k}={v}")).collect();
+        let cells = [
+            row.settings.simulator.clone(),
+            params.join(";"),
+            format!("{:?}", row.settings.precision),
+            cell(Some(row.settings.dt)),
+            cell(row.rms_error),
+            cell(row.max_error),
+            cell(row.relative_error),
+            row.below_reference.to_string(),
+            cell(row.equilibrium_error),
+            cell(row.limit_error),
+            cell(row.energy_drift),
+            cell(row.max_strain),
+            cell(Some(row.force_evaluations)),
+            cell(Some(row.spring_visits)),
+            cell(row.seconds_per_simulated_second),
+            cell(row.seconds_spread.map(|s| s[0])),
+            cell(row.seconds_spread.map(|s| s[1])),
+            row.same_model.to_string(),
+            zone(row.health).to_owned(),
+            row.pareto.to_string(),
+        ];
+        text += &cells.join(",");
+        text.push('\n');
+    }
+    text
+}
+
+/// The stability study as tables.
+pub fn stability(table: &Stability) -> String {
+    let mut text = format!(
+        "fastest motion: {:.3} rad/s in this shape, at most {:.3} rad/s in any\n{:18} {:>12} {:>12} {:>12}\n",
+        table.omega_max, table.omega_bound, "longest dt, s", "theory", "measured", "guaranteed"
+    );
+    for limit in &table.limits {
+        let _ = writeln!(
+            text,
+            "{:18} {:>12} {:>12} {:>12}",
+            limit.simulator,
+            seconds(limit.dt_theory),
+            seconds(limit.dt_measured),
+            seconds(limit.dt_guaranteed)
+        );
+    }
+    for b in &table.boundaries {
+        let _ = writeln!(
+            text,
+            "{:18} along {} at {}: quiet until {}, diverged from {}{}",
+            b.simulator,
+            b.along,
+            b.at,
+            seconds(b.quiet_until),
+            seconds(b.diverged_from),
+            b.theory.map_or_else(String::new, |t| format!(" (theory {t:.6})"))
+        );
+    }
+    text + &incomplete(table.missing)
+}
+
+/// The map as CSV.
+pub fn stability_csv(table: &Stability) -> String {
+    let mut text = "simulator,dt,stiffness,damping,zone\n".to_owned();
+    for cell in &table.map {
+        let (dt, stiffness, damping) = (cell.dt, cell.stiffness, cell.damping);
+        let _ = writeln!(text, "{},{dt:?},{stiffness:?},{damping:?},{}", cell.simulator, zone(cell.zone));
+    }
+    text
+}
+
+/// The ablation as a table.
+pub fn ablation(table: &Ablation) -> String {
+    let mut text = format!(
+        "{:18} {:>12} {:>12} {:>12}  verdict at {} of the motion\n",
+        "left out", "change", "work saved", "time saved", table.tolerance
+    );
+    for row in &table.rows {
+        let _ = writeln!(
+            text,
+            "{:18} {:>12} {:>12} {:>12}  {}",
+            row.ingredient,
+            number(row.change),
+            percent(Some(row.work_saved)),
+            percent(row.time_saved),
+            row.verdict()
+        );
+    }
+    text += &table.proposal.as_ref().map_or_else(
+        || "nothing can be left out\n".to_owned(),
+        |p| {
+            format!(
+                "leave out {} together: run so, it changes {:.3e}, saves {} of the work and {} of the time\n",
+                p.leave_out.join(", "),
+                p.change,
+                percent(Some(p.work_saved)),
+                percent(p.time_saved)
+            )
+        },
+    );
+    text + &machine(table.machine.as_ref()) + &incomplete(table.missing)
+}
+
+/// The ablation as CSV.
+pub fn ablation_csv(table: &Ablation) -> String {
+    let mut text = "ingredient,change,work_saved,time_saved,needed,health\n".to_owned();
+    let cell = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:?}"));
+    for row in &table.rows {
+        let (change, time) = (cell(row.change), cell(row.time_saved));
+        let _ = writeln!(
+            text,
+            "{},{change},{:?},{time},{},{}",
+            row.ingredient,
+            row.work_saved,
+            row.needed,
+            zone(row.health)
+        );
+    }
+    text
+}
+
+/// The advice in words.
+pub fn advice(advice: &Advice) -> String {
+    let mut text = if advice.met { String::new() } else { "nothing meets this; the closest is\n".to_owned() };
+    let _ = writeln!(
+        text,
+        "{} at dt {:.6} s: error {} m, {} springs looked at a simulated second{}",
+        advice.settings.label(),
+        advice.settings.dt,
+        number(advice.error),
+        number(Some(advice.spring_visits)),
+        advice.ms_per_frame.map_or_else(String::new, |ms| format!(", {ms:.4} ms a frame"))
+    );
+    let margin =
+        advice.stability_margin.map_or_else(|| "no limit".to_owned(), |m| format!("{m:.2} times dt"));
+    let _ = writeln!(
+        text,
+        "limit of stability: {margin}; seen quiet for {} simulated seconds; {} runs in all\nthe best of each method:",
+        advice.quiet_seconds, advice.trials
+    );
+    for c in &advice.candidates {
+        let _ = writeln!(
+            text,
+            "  {:36} dt {:.3e} s  error {} m  visits/s {:.3e}  {}",
+            c.settings.label(),
+            c.settings.dt,
+            number(c.error),
+            c.spring_visits,
+            if c.met { "meets it" } else { "does not meet it" }
+        );
+    }
+    text + &machine(advice.machine.as_ref()) + &incomplete(advice.missing)
+}
+
+/// One figure of a page: what it shows, and the command that makes it again.
+pub struct Figure {
+    /// Its heading.
+    pub title: String,
+    /// Text in a fixed pitch.
+    pub table: String,
+    /// A diagram; empty where there is none.
+    pub diagram: String,
+    /// The command that makes these numbers again.
+    pub command: String,
+}
+
+/// Text that stands in HTML or SVG as itself.
+pub fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The page: everything in one file.
+pub fn html(title: &str, figures: &[Figure]) -> String {
+    let mut page = format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{0}</title>\
+         <style>body{{font:16px/1.5 sans-serif;max-width:75em;margin:2em auto;padding:0 1em;color:#222}}\
+         pre{{overflow-x:auto;font-size:12px;background:#f6f6f6;padding:1em}}code{{background:#eee;padding:.2em .4em}}\
+         svg{{max-width:100%;height:auto}}</style><h1>{0}</h1>",
+        escape(title)
+    );
+    for figure in figures {
+        let _ = write!(
+            page,
+            "<h2>{}</h2>{}<pre>{}</pre><p>Again: <code>{}</code></p>",
+            escape(&figure.title),
+            figure.diagram,
+            escape(&figure.table),
+            escape(&figure.command)
+        );
+    }
+    page + "</html>\n"
+}
