@@ -7,7 +7,8 @@
 mod common;
 
 use common::{
-    all_finite, free, hanging, method, only_stretch, run, set, sheet, spring_methods, step, verlet, world,
+    all_finite, converged, free, hanging, method, one_step_methods, only_stretch, run, set, sheet,
+    spring_methods, step, verlet, world,
 };
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -23,7 +24,7 @@ const EPS: f64 = f64::EPSILON;
 #[test]
 fn a_free_particle_falls_by_half_g_t_squared() {
     let (g, dt, steps) = (9.81, 0.01, 100);
-    for entry in simulators::ALL {
+    for entry in one_step_methods() {
         let scene = Scene {
             gravity: Gravity { magnitude: g, ..Gravity::default() },
             simulator: method(entry),
@@ -64,7 +65,7 @@ fn an_oscillator_swings_with_the_period_and_the_decay_of_its_closed_form() {
         let gamma = f64::midpoint(spring_damping, air_damping);
         let damped_omega = (k - gamma * gamma).sqrt();
         let dt = TAU / damped_omega / f64::from(per_period);
-        for entry in spring_methods() {
+        for entry in spring_methods().filter(|entry| entry.id != "bdf2") {
             let with = |dt| {
                 world(&Scene { simulator: method(entry), dt, ..oscillator(k, spring_damping, air_damping) })
             };
@@ -159,13 +160,14 @@ fn two_free_particles_keep_their_centre_of_mass_where_it_is() {
 #[test]
 fn each_spring_of_a_hanging_chain_carries_the_weight_below_it() {
     let (k, g, n) = (1000.0, 10.0, 10u32);
-    for entry in spring_methods() {
+    // XPBD rests where its substep, not only its springs, puts it: tests/methods has that.
+    for entry in spring_methods().filter(|entry| entry.id != "xpbd") {
         let scene = Scene {
             pins: Pins::of([Pin::Particle(0)]),
             springs: only_stretch(k),
             air_damping: 10.0,
             gravity: Gravity { magnitude: g, ..Gravity::default() },
-            simulator: method(entry),
+            simulator: converged(entry),
             dt: 1e-3,
             ..free(hanging(1, n, 1.0))
         };
@@ -212,7 +214,7 @@ fn a_gust_gives_each_particle_half_its_strength_times_its_duration() {
     let (strength, frequency, steps) = (3.0, 0.5, 200u32);
     for direction in [DVec3::new(-0.2, 0.15, 0.85), DVec3::new(0.0, 3e5, -4e5), DVec3::new(0.0, 0.0, 1e-300)]
     {
-        for entry in simulators::ALL {
+        for entry in one_step_methods() {
             let scene = Scene {
                 wind: Wind { enabled: true, strength, frequency, direction },
                 simulator: method(entry),

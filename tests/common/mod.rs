@@ -19,8 +19,29 @@ pub fn spring_methods() -> impl Iterator<Item = &'static Entry> {
     simulators::ALL.iter().filter(|entry| entry.model == Model::Springs)
 }
 
+/// Methods whose first step is like every other. A multistep method begins with a step of lower order, which closed forms
+/// see: tests/methods has its figures.
+pub fn one_step_methods() -> impl Iterator<Item = &'static Entry> {
+    simulators::ALL.iter().filter(|entry| entry.id != "bdf2")
+}
+
+/// A method with its defaults; one that chooses its own steps is held to so many that a test of extremes ends.
 pub fn method(entry: &Entry) -> SimulatorSettings {
-    SimulatorSettings::new(entry.id)
+    let settings = SimulatorSettings::new(entry.id);
+    if entry.params.contains(&"most_steps") {
+        settings.with("most_steps", Value::Count(100))
+    } else {
+        settings
+    }
+}
+
+/// A method that iterates until nothing is left to gain.
+pub fn converged(entry: &Entry) -> SimulatorSettings {
+    if entry.params.contains(&"iterations") {
+        method(entry).with("iterations", Value::Count(100))
+    } else {
+        method(entry)
+    }
 }
 
 pub fn verlet(sweeps: u64) -> SimulatorSettings {
