@@ -310,7 +310,9 @@ fn after_any_change_the_cloth_goes_on_as_one_freshly_started_from_its_state() {
 
 #[test]
 fn switching_the_method_there_and_back_between_two_steps_changes_no_bit() {
-    for entry in simulators::ALL {
+    // What these remember from step to step a change of method starts afresh.
+    let remember = ["bdf2", "vbd", "rk45"];
+    for entry in simulators::ALL.iter().filter(|entry| !remember.contains(&entry.id)) {
         let scene = Scene { simulator: method(entry), ..lively() };
         let mut switched = world(&scene);
         let mut plain = world(&scene);

@@ -148,5 +148,7 @@ impl Xpbd {
         cost.solver_iterations += u64::from(self.iterations);
         cost.spring_visits += u64::from(self.iterations) * springs.pairs.len() as u64;
         velocities_of_the_way(start, state, h, &inertia.inverse);
+        // Dividing positions by a short h enlarges their rounding, which would let momentum drift.
+        inertia.keep_momentum(&mut state.velocities);
     }
 }
