@@ -521,7 +521,7 @@ macro_rules! choice {
 }
 
 /// Declares a set of parameters: `name: type = default, unit "…", range a..=b, slider log a..=b;` with everything
-/// behind the default optional. See the [module](crate::params).
+/// behind the default optional. See the [module](mod@crate::params).
 #[macro_export]
 macro_rules! params {
     ($(#[$meta:meta])* $vis:vis struct $name:ident { $(
