@@ -137,7 +137,8 @@ fn any_number_of_threads_gives_the_same_bits_every_time() {
             let digests = [1, 2, 3, 2].map(|threads| {
                 let mut world = world(&scene);
                 world.set_threads(threads).unwrap();
-                step(&mut world, 8);
+                // A step that solves equations costs a hundred that only add up forces.
+                step(&mut world, if entry.params.contains(&"iterations") { 8 } else { 30 });
                 (world.digest(), world.cost())
             });
             assert!(digests.iter().all(|d| *d == digests[0]), "{}, {precision:?}: {digests:?}", entry.id);

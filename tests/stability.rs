@@ -144,10 +144,9 @@ fn what_theory_calls_the_limit_is_where_small_motions_begin_to_grow() {
         match theory(&scene) {
             Some(limit) => {
                 let dt = measured(&scene, &scene.simulator, limit);
-                // Both Euler methods' theory is exact here. Others are judged by three extreme motions, each as if it were
-                // alone; what damping and stiffness do together lies between them.
-                let exact = entry.id.ends_with("euler");
-                let tolerance = if exact { 0.02 } else { 0.05 };
+                // The Runge-Kutta methods are judged by three extreme motions, each as if it were alone; what damping and
+                // stiffness do together lies between them, and 5 % is what is promised of damped cloth. Else 2 %.
+                let tolerance = if entry.id.starts_with("rk") { 0.05 } else { 0.02 };
                 assert!((dt / limit - 1.0).abs() < tolerance, "{}: {dt} instead of {limit}", entry.id);
             }
             None => assert!(stays_small(&scene, &scene.simulator, 1.0, 1200), "{}", entry.id),
