@@ -231,6 +231,19 @@ pub fn excerpt(text: &str) -> String {
     if line.chars().count() > 60 { format!("{}…", line.chars().take(60).collect::<String>()) } else { line }
 }
 
+/// A message on one line, with its middle cut out where it would fill a screen: parsers quote what they were given, which may be a
+/// megabyte, between what they expected (at the start) and where it stood (at the end).
+pub fn brief(text: &str) -> String {
+    /// Characters kept at either end.
+    const KEPT: usize = 200;
+    let line = one_line(text);
+    let Some((head, _)) = line.char_indices().nth(KEPT) else { return line };
+    match line.char_indices().nth_back(KEPT - 1) {
+        Some((tail, _)) if tail > head => format!("{}…{}", &line[..head], &line[tail..]),
+        _ => line,
+    }
+}
+
 /// The text without line breaks and other control characters.
 pub fn one_line(text: &str) -> String {
     text.split(|c: char| c.is_control()).filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")

@@ -407,6 +407,14 @@ fn cases(count: u32) -> ProptestConfig {
     }
 }
 
+#[test]
+fn a_long_text_in_the_wrong_place_is_told_in_short() {
+    let long = "x".repeat(5000);
+    let text = format!(r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":"{long}"}}]}}"#);
+    let message = checked("a.gltf", text.as_bytes(), 0.0).unwrap_err().to_string();
+    assert!(message.contains("invalid type") && message.contains("line 1 column"), "{message}");
+}
+
 proptest! {
     #![proptest_config(cases(300))]
 

@@ -83,14 +83,7 @@ impl Refusal {
     /// A refusal. Line breaks and control characters are taken out, and what would fill a screen is cut: a file may hold
     /// a name of a million letters.
     pub fn new(text: impl AsRef<str>) -> Self {
-        /// Longest message, in characters.
-        const LONGEST: usize = 600;
-        let mut text = params::one_line(text.as_ref());
-        if let Some((end, _)) = text.char_indices().nth(LONGEST) {
-            text.truncate(end);
-            text.push('…');
-        }
-        Self { position: None, text }
+        Self { position: None, text: params::brief(text.as_ref()) }
     }
 
     /// The same with the file, key or other place before it.

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::mend::{Mended, Oddities, Whole, diagonal, mend};
 use super::recover_quads::{QuadRecovery, Recovered, RecoveryMethod, recover};
 use super::{FaceCounts, QuadMesh, gltf, obj};
+use crate::params;
 
 /// How a mesh file is taken in.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,9 +60,8 @@ pub struct ImportError {
 
 impl ImportError {
     fn new(file: &str, reason: &str) -> Self {
-        // A file's name and what a file says may hold line ends and terminal codes.
-        let one_line = |text: &str| text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-        Self { file: one_line(file), reason: one_line(reason) }
+        // A file's name and what a file says may hold line ends, terminal codes and a megabyte in one word.
+        Self { file: params::one_line(file), reason: params::brief(reason) }
     }
 }
 
