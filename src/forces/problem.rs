@@ -29,12 +29,19 @@ pub struct Cost {
     pub unsolved_steps: u64,
     /// Largest error that a solver left in a step, in units of the method's tolerance.
     pub residual: f64,
+    /// Particle at which the last of those steps was furthest from being solved.
+    #[serde(skip)]
+    pub unsolved_particle: u32,
 }
 
 impl Cost {
-    /// Books what a solver left of its equations at the end of a step, in units of its tolerance.
-    pub fn solved(&mut self, residual: f64) {
-        self.unsolved_steps += u64::from(residual.is_nan() || residual > 1.0);
+    /// Books what a solver left of its equations at the end of a step, in units of its tolerance, and at which particle it
+    /// left most.
+    pub fn solved(&mut self, residual: f64, particle: usize) {
+        if residual.is_nan() || residual > 1.0 {
+            self.unsolved_steps += 1;
+            self.unsolved_particle = particle as u32;
+        }
         self.residual = self.residual.max(residual);
     }
 }

@@ -8,22 +8,15 @@
 //! No dt is too long. It damps slow motions far less than implicit Euler and still lets the fastest die away: choose it
 //! for stiff cloth that should move. A step costs what one of implicit Euler does.
 
-use super::newton::{Accuracy, Newton};
+use super::newton::{Newton, solved_by_newton};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
 use crate::model::Particles;
 
-crate::params! {
+solved_by_newton! {
     /// BDF2.
-    pub struct Bdf2 {
-        /// Most Newton steps for each time step; with 1 the springs are linear during the step.
-        newton_steps: u32 = 50, range 1.0..=1000.0, slider log 1.0..=50.0;
-        /// Where solving ends: a correction in mean spring lengths, the residual of a linear system as a part of what it was.
-        tolerance: f64 = 1e-6, range 1e-14..=0.1, slider log 1e-10..=1e-2;
-        /// Most iterations of conjugate gradients for each Newton step.
-        iterations: u32 = 1000, range 1.0..=1_000_000.0, slider log 10.0..=10_000.0;
-    }
+    pub struct Bdf2;
 }
 
 /// Scratch of [`Bdf2`].
@@ -49,7 +42,6 @@ impl Simulator for Bdf2 {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Self { newton_steps, tolerance, iterations } = *self;
         let Buffers { newton, now } = scratch;
         let n = state.len();
         now.clear();
@@ -77,7 +69,7 @@ impl Simulator for Bdf2 {
         let beginning = state.time;
         // Forces are those of the end of the step.
         state.time += dt.to_f64();
-        newton.step(problem, state, h, Accuracy { newton_steps, tolerance, iterations }, cost);
+        newton.step(problem, state, h, self.accuracy(), cost);
         state.time = beginning;
         for ((x, &from), (&v, &w)) in
             state.positions.iter_mut().zip(&*now).zip(state.velocities.iter().zip(&problem.inverse_mass))

@@ -17,11 +17,25 @@ pub(super) struct ConjugateGradients<T: Real> {
     image: Vec<T::Vec3>,
 }
 
+/// When a solve may end. Residuals are parts of the right-hand side, in the norm of the preconditioner.
+pub(super) struct Enough<F> {
+    /// With this residual,
+    pub residual: f64,
+    /// after so many iterations,
+    pub iterations: u32,
+    /// or with this residual already,
+    pub loose: f64,
+    /// where the solution so far is far off anyway.
+    pub far_off: F,
+}
+
 /// What a solve took, and what it left.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solved {
     /// Products with the matrix.
     pub iterations: u32,
+    /// Whether it ended loosely.
+    pub loosely: bool,
     /// Size of the residual over that of the right-hand side, in the norm of the preconditioner.
     pub residual: f64,
 }
@@ -32,8 +46,7 @@ impl<T: Real> ConjugateGradients<T> {
         &mut self,
         right: &[T::Vec3],
         x: &mut Vec<T::Vec3>,
-        tolerance: f64,
-        most: u32,
+        enough: &Enough<impl Fn(&[T::Vec3]) -> bool>,
         multiply: impl Fn(&[T::Vec3], &mut [T::Vec3]),
     ) -> Solved {
         let Self { preconditioner, residual, direction, image } = self;
@@ -47,9 +60,14 @@ impl<T: Real> ConjugateGradients<T> {
 
         let start = dot::<T>(direction, residual);
         let mut size = start;
-        let mut iterations = 0;
+        let (mut iterations, mut loosely) = (0, false);
+        let [tight, loose] = [enough.residual, enough.loose].map(|part| part * part * start);
         // Also ends where nothing is to be done, and where numbers are no longer finite.
-        while size > tolerance * tolerance * start && size.is_finite() && iterations < most {
+        while size > tight && size.is_finite() && iterations < enough.iterations {
+            if size <= loose && (enough.far_off)(x) {
+                loosely = true;
+                break;
+            }
             multiply(direction, image);
             iterations += 1;
             let curvature = dot::<T>(direction, image);
@@ -73,7 +91,7 @@ impl<T: Real> ConjugateGradients<T> {
                 *d = z + *d * keep;
             }
         }
-        Solved { iterations, residual: if start > 0.0 { (size / start).sqrt() } else { start } }
+        Solved { iterations, loosely, residual: if start > 0.0 { (size / start).sqrt() } else { start } }
     }
 }
 

@@ -9,22 +9,15 @@
 //! each) for every Newton step. Choose it for very stiff cloth that should come to rest; for motion take a shorter dt or
 //! a method of order 2.
 
-use super::newton::{Accuracy, Newton};
+use super::newton::{Newton, solved_by_newton};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
 use crate::model::Particles;
 
-crate::params! {
+solved_by_newton! {
     /// Implicit Euler.
-    pub struct ImplicitEuler {
-        /// Most Newton steps for each time step; with 1 the springs are linear during the step.
-        newton_steps: u32 = 50, range 1.0..=1000.0, slider log 1.0..=50.0;
-        /// Where solving ends: a correction in mean spring lengths, the residual of a linear system as a part of what it was.
-        tolerance: f64 = 1e-6, range 1e-14..=0.1, slider log 1e-10..=1e-2;
-        /// Most iterations of conjugate gradients for each Newton step.
-        iterations: u32 = 1000, range 1.0..=1_000_000.0, slider log 10.0..=10_000.0;
-    }
+    pub struct ImplicitEuler;
 }
 
 impl Simulator for ImplicitEuler {
@@ -42,10 +35,9 @@ impl Simulator for ImplicitEuler {
         scratch: &mut Newton<T>,
         cost: &mut Cost,
     ) {
-        let Self { newton_steps, tolerance, iterations } = *self;
         let beginning = state.time;
         state.time += dt.to_f64();
-        scratch.step(problem, state, dt, Accuracy { newton_steps, tolerance, iterations }, cost);
+        scratch.step(problem, state, dt, self.accuracy(), cost);
         state.time = beginning;
     }
 

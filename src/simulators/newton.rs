@@ -5,14 +5,20 @@
 //! D and K the damping and the stiffness of the springs, one symmetric 3x3 block a spring and one a particle; particles that
 //! are pinned or held have no unknown. K leaves out what compressed springs push sideways, so that the matrix is positive
 //! definite and δv always leads downhill in the energy of the step; where it leads too far, it is shortened.
+//!
+//! Far from the solution a system is solved no better than its step is worth (Eisenstat and Walker, "Choosing the forcing terms in
+//! an inexact Newton method", 1996); to the tolerance only where the correction is below it, which makes that step the last.
 
 use super::blocks::Block;
-use super::conjugate_gradients::{ConjugateGradients, dot};
+use super::conjugate_gradients::{ConjugateGradients, Enough, dot};
 use super::inertia::Inertia;
 use crate::forces::{Cost, Problem};
 use crate::math::{Real, Vector};
 use crate::model::Particles;
 use rayon::prelude::*;
+
+/// How far a linear system is solved at least, as a part of its right-hand side.
+const LOOSE: f64 = 0.1;
 
 /// How well the equations are to be solved.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +31,31 @@ pub(super) struct Accuracy {
     /// Most iterations of conjugate gradients for a linear system.
     pub iterations: u32,
 }
+
+/// Declares a method that is solved here: its parameters are how well it is to be solved.
+macro_rules! solved_by_newton {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident;) => {
+        $crate::params! {
+            $(#[$meta])*
+            $vis struct $name {
+                /// Most Newton steps for each time step; with 1 the springs are linear during the step.
+                newton_steps: u32 = 50, range 1.0..=1000.0, slider log 1.0..=50.0;
+                /// Where solving ends: a correction in mean spring lengths, the residual of a linear system as a part of what it was.
+                tolerance: f64 = 1e-6, range 1e-14..=0.1, slider log 1e-10..=1e-2;
+                /// Most iterations of conjugate gradients for each Newton step.
+                iterations: u32 = 1000, range 1.0..=1_000_000.0, slider log 10.0..=10_000.0;
+            }
+        }
+
+        impl $name {
+            fn accuracy(&self) -> $crate::simulators::newton::Accuracy {
+                let Self { newton_steps, tolerance, iterations } = *self;
+                $crate::simulators::newton::Accuracy { newton_steps, tolerance, iterations }
+            }
+        }
+    };
+}
+pub(super) use solved_by_newton;
 
 /// Scratch of the solver.
 #[derive(Clone, Debug, Default)]
@@ -48,7 +79,7 @@ pub struct Newton<T: Real> {
 
 impl<T: Real> Newton<T> {
     /// Takes x0 and v0 in `state` on to x0 + h v and v, with forces from outside at the state's time. A particle that is
-    /// pinned or held keeps v0. What is left unsolved is told in `cost`.
+    /// pinned or held keeps v0. Answers whether the equations were solved; what is left of them is told in `cost`.
     pub(super) fn step(
         &mut self,
         problem: &Problem<T>,
@@ -56,36 +87,50 @@ impl<T: Real> Newton<T> {
         h: T,
         accuracy: Accuracy,
         cost: &mut Cost,
-    ) {
+    ) -> bool {
         self.inertia.begin(problem, state, h);
         self.start.clone_from(&state.positions);
         let smallest = self.smallest_correction(problem, accuracy.tolerance);
         self.place(state, h);
         self.inertia.residual(problem, state, h, &mut self.residual, cost);
-        let mut left = f64::INFINITY;
+        let single = accuracy.newton_steps == 1;
+        let (mut left, mut worst) = (f64::INFINITY, 0);
+        let (mut loose, mut size) = (LOOSE, dot::<T>(&self.residual, &self.residual));
         for _ in 0..accuracy.newton_steps {
             self.assemble(problem, state, h);
             let Self { gradients, residual, change, springs, own, inertia, .. } = self;
             let multiply =
                 |from: &[T::Vec3], to: &mut [T::Vec3]| multiply(problem, springs, own, inertia, from, to);
-            let solved = gradients.solve(residual, change, accuracy.tolerance, accuracy.iterations, multiply);
+            let correction = |change: &[T::Vec3]| {
+                let (farthest, square) = longest::<T>(change);
+                (farthest, square.sqrt() * h.to_f64() / smallest)
+            };
+            let enough = Enough {
+                residual: accuracy.tolerance,
+                iterations: accuracy.iterations,
+                loose: if single { 0.0 } else { loose },
+                far_off: |change: &[T::Vec3]| correction(change).1 > 1.0,
+            };
+            let solved = gradients.solve(residual, change, &enough, multiply);
             cost.solver_iterations += u64::from(solved.iterations);
             // The matrix is built from all springs, and every iteration goes over them again.
             cost.spring_visits += (1 + u64::from(solved.iterations)) * problem.springs.len() as u64;
-            let linear = solved.residual / accuracy.tolerance;
-            let farthest = change.iter().map(|c| c.dot(*c).to_f64()).fold(0.0, f64::max).sqrt();
-            let correction = farthest * h.to_f64() / smallest;
-            let single = accuracy.newton_steps == 1;
-            left = if single { linear } else { linear.max(correction) };
+            let linear = if solved.loosely { 0.0 } else { solved.residual / accuracy.tolerance };
+            let (farthest, correction) = correction(change);
+            (left, worst) = (if single { linear } else { linear.max(correction) }, farthest);
             if left <= 1.0 || single {
                 self.go(state, h, T::ONE);
                 break;
             }
             self.go_downhill(problem, state, h, cost);
+            let before = std::mem::replace(&mut size, dot::<T>(&self.residual, &self.residual));
+            // Choice 2 of Eisenstat and Walker: as much as the step is worth.
+            loose = (0.9 * size / before).clamp(accuracy.tolerance, LOOSE);
         }
         let shift = self.inertia.keep_momentum(&mut state.velocities);
         state.positions.iter_mut().for_each(|x| *x += shift * h);
-        cost.solved(left);
+        cost.solved(left, worst);
+        left <= 1.0
     }
 
     /// The correction at which Newton's method ends, m; no smaller than rounding allows.
@@ -159,6 +204,12 @@ impl<T: Real> Newton<T> {
         let inverses = blocks.map(|(own, &w)| if w > T::ZERO { own.inverse() } else { Block::default() });
         self.gradients.preconditioner.extend(inverses);
     }
+}
+
+/// The longest of some vectors: which, and the square of its length.
+fn longest<T: Real>(vectors: &[T::Vec3]) -> (usize, f64) {
+    let squares = vectors.iter().map(|v| v.dot(*v).to_f64()).enumerate();
+    squares.fold((0, 0.0), |most, next| if next.1 <= most.1 { most } else { next })
 }
 
 /// The product of the matrix with `from`, particle by particle, so that threads change no bit of it.

@@ -154,7 +154,7 @@ impl Simulator for ProjectiveDynamics {
         }
         cost.solver_iterations += u64::from(self.iterations);
         if factorised.is_none() {
-            cost.solved(f64::INFINITY);
+            cost.solved(f64::INFINITY, 0);
         }
         let shift = inertia.keep_momentum(&mut state.velocities);
         state.positions.iter_mut().for_each(|x| *x += shift * dt);

@@ -127,7 +127,7 @@ impl Simulator for Rk45 {
         state.memory.numbers.clear();
         state.memory.numbers.extend([wanted, last_error]);
         if forced {
-            cost.solved(f64::INFINITY);
+            cost.solved(f64::INFINITY, 0);
         }
     }
 

@@ -23,7 +23,7 @@ pub enum Health {
         step: u64,
         /// Simulated time of that step, s.
         time: f64,
-        /// A particle that shakes, else the fastest.
+        /// A particle that shakes, or the one at which the equations are furthest from being solved.
         particle: u32,
         /// Why.
         cause: Cause,
@@ -164,7 +164,7 @@ impl Ledger {
 }
 
 /// The first particle that is not finite, else the fastest.
-pub(super) fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
+fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
     let states = || cloth.state.positions.iter().zip(&cloth.state.velocities);
     let finite = |(x, v): (&T::Vec3, &T::Vec3)| x.to_f64().is_finite() && v.to_f64().is_finite();
     let speed = |v: &T::Vec3| v.to_f64().length_squared();

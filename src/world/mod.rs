@@ -390,7 +390,7 @@ impl World {
             }
             let shaking = on!(&self.cloth, c => self.jitter.step(c, self.step, dt));
             let unsettled = if self.cost.unsolved_steps > unsolved {
-                Some((on!(&self.cloth, c => health::worst(c)), Cause::Unsolved))
+                Some((self.cost.unsolved_particle, Cause::Unsolved))
             } else {
                 shaking.map(|particle| (particle, Cause::Shaking))
             };
