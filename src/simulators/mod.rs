@@ -6,6 +6,7 @@
 //! empties when method, dt, springs or pins change, and which travels with every snapshot.
 
 mod blocks;
+mod chebyshev;
 mod colouring;
 mod conjugate_gradients;
 mod inertia;

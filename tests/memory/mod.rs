@@ -1,8 +1,9 @@
-//! Counts the memory that a reader holds at most.
+//! Counts the memory that work holds at most, and how often it asks for some.
 //!
 //! Counting what is allocated takes an allocator of our own, and that takes `unsafe`: it hands every call on to the
 //! system's.
 #![allow(unsafe_code)]
+#![allow(dead_code, reason = "every test file uses a part of this")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -10,12 +11,17 @@ use std::cell::Cell;
 thread_local! {
     /// Bytes that this thread holds, and the most that it has held since the mark.
     static HELD: Cell<(isize, isize)> = const { Cell::new((0, 0)) };
+    /// How often this thread has asked for memory.
+    static REQUESTS: Cell<usize> = const { Cell::new(0) };
 }
 
 struct Counting;
 
 impl Counting {
     fn add(bytes: isize) {
+        if bytes > 0 {
+            let _ = REQUESTS.try_with(|requests| requests.set(requests.get() + 1));
+        }
         // While a thread ends, its counter is gone and nobody asks.
         let _ = HELD.try_with(|held| {
             let (now, most) = held.get();
@@ -62,6 +68,13 @@ pub fn measured<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let result = work();
     let most = HELD.with(|held| held.get().1) - before;
     (result, most.unsigned_abs())
+}
+
+/// Does some work, and tells how often it asked for memory.
+pub fn requests(work: impl FnOnce()) -> usize {
+    let before = REQUESTS.get();
+    work();
+    REQUESTS.get() - before
 }
 
 /// Most bytes that a reader may hold for a file of some bytes.

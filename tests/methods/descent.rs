@@ -27,3 +27,18 @@ fn more_iterations_come_nearer() {
         }
     }
 }
+
+#[test]
+fn acceleration_comes_nearer_in_the_same_iterations() {
+    let end = |method: &str| run(world(W1, method, &["dt=0.008333333333333333"]), 60);
+    let truth = end("implicit_euler(tolerance=1e-10)");
+    for method in ["vbd", "projective_dynamics"] {
+        let apart = |acceleration: f64| {
+            let world = end(&format!("{method}(iterations=20,acceleration={acceleration})"));
+            rms(&world, &world.positions(), &truth.positions())
+        };
+        let (plain, accelerated) = (apart(0.0), apart(0.8));
+        println!("{method}: {plain:.1e} m, accelerated {accelerated:.1e} m");
+        assert!(accelerated < 0.5 * plain, "{method}: {plain:e} m, accelerated {accelerated:e} m");
+    }
+}

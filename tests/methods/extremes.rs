@@ -93,6 +93,12 @@ fn any_stiffness() {
 
 #[test]
 fn implicit_methods_stay_bounded_at_any_stiffness_and_step() {
+    // Six by six of W1: the stiffest are solved in thousands of iterations.
+    let sheet = [
+        "target=Grid(columns: 6, rows: 6, spacing: 0.1, plane: Horizontal)",
+        "pins=[Particle(0), Particle(5)]",
+        "air_damping=0.05",
+    ];
     for method in ["implicit_euler", "implicit_midpoint", "bdf2"] {
         for k in ["0.0", "10.0", "1e3", "1e5", "1e7", "1e9"] {
             for dt in ["1e-6", "1e-4", "0.016666666666666666", "0.1", "1.0"] {
@@ -100,11 +106,11 @@ fn implicit_methods_stay_bounded_at_any_stiffness_and_step() {
                 let stiffness =
                     ["stretch", "shear", "bend"].map(|kind| format!("springs.{kind}.stiffness={k}"));
                 let dt = format!("dt={dt}");
-                let settings = [&*stiffness[0], &stiffness[1], &stiffness[2], &dt, "air_damping=0.05"];
+                let settings = [&sheet[..], &[&*stiffness[0], &stiffness[1], &stiffness[2], &dt]].concat();
                 let mut world = world(W1, method, &settings);
-                let (mass, start) = (0.02 * 100.0, world.measures().energy);
+                let (mass, start) = (0.02 * 36.0, world.measures().energy);
                 let (mut highest, mut strain) = (0.0f64, 0.0f64);
-                for _ in 0..30 {
+                for _ in 0..60 {
                     world.step();
                     let (measures, energy) = (world.measures(), world.measures().energy);
                     highest = highest.max(energy.kinetic + energy.elastic + energy.gravitational);
@@ -116,7 +122,7 @@ fn implicit_methods_stay_bounded_at_any_stiffness_and_step() {
                 assert!(!world.health().is_diverged(), "{what}: {:?}", world.health());
                 // Nothing gives energy. A tenth of what a fall by the length of the sheet sets free is what one step of implicit
                 // midpoint may create.
-                assert!(rise < 0.1 * mass * 9.81 * 0.9, "{what}: {rise} J");
+                assert!(rise < 0.1 * mass * 9.81 * 0.5, "{what}: {rise} J");
                 let told = matches!(world.health(), Health::Unsettled { .. });
                 assert!(told || unsolved == 0, "{what}: {unsolved} steps unsolved and not told");
             }

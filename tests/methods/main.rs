@@ -5,6 +5,7 @@ mod descent;
 mod equilibrium;
 mod extremes;
 mod implicit;
+mod orders;
 mod position_based;
 mod promises;
 mod scenes;

@@ -190,17 +190,33 @@ pub fn w1_error(method: &str, steps: u64) -> f64 {
     (error / way).sqrt()
 }
 
-/// Observed orders of a method on damped W1 (k_d = 0.02, a quarter of a second) over some halvings of dt.
+/// Observed orders of a method on W1 (a quarter of a second) with spring damping k_d = 0.02, over some halvings of dt.
 pub fn halvings(method: &str, first: u64, halvings: u32) -> Vec<f64> {
     static TRUTH: OnceLock<Vec<DVec3>> = OnceLock::new();
-    let damped = ["springs.damping=0.02"];
+    orders(method, first, halvings, &["springs.damping=0.02"], &TRUTH)
+}
+
+/// The same without spring damping.
+pub fn halvings_undamped(method: &str, first: u64, halvings: u32) -> Vec<f64> {
+    static TRUTH: OnceLock<Vec<DVec3>> = OnceLock::new();
+    orders(method, first, halvings, &[], &TRUTH)
+}
+
+fn orders(
+    method: &str,
+    first: u64,
+    halvings: u32,
+    settings: &[&str],
+    truth: &OnceLock<Vec<DVec3>>,
+) -> Vec<f64> {
     let seconds = T / 2.0;
-    let truth = TRUTH.get_or_init(|| Reference::new(&scene(W1, &damped)).samples(seconds, 1, 1600).remove(0));
+    let truth =
+        truth.get_or_init(|| Reference::new(&scene(W1, settings)).samples(seconds, 1, 1600).remove(0));
     let errors: Vec<f64> = (0..=halvings)
         .map(|halving| {
             let steps = first << halving;
-            let world = world(W1, method, &[damped[0], &format!("dt={}", seconds / steps as f64)]);
-            let world = run(world, steps);
+            let dt = format!("dt={}", seconds / steps as f64);
+            let world = run(world(W1, method, &[settings, &[&dt]].concat()), steps);
             rms(&world, &world.positions(), truth)
         })
         .collect();
