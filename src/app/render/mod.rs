@@ -47,9 +47,7 @@ pub struct Topology<'a> {
     pub particles: u32,
     /// The surface, counter-clockwise as seen from its front.
     pub triangles: &'a [[u32; 3]],
-    /// Edges of the faces, without the diagonals inside of quads.
-    pub edges: &'a [[u32; 2]],
-    /// Springs by kind: stretch, shear, bend.
+    /// Springs by kind: stretch, which are the edges of the faces; shear; bend.
     pub springs: [Springs<'a>; 3],
 }
 
