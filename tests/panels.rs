@@ -415,7 +415,7 @@ fn after_a_burst_the_view_shows_the_cloth_and_goes_back() {
     };
     let inside = lane.positions.iter().filter(is_inside).count();
     assert!(inside > lane.positions.len() * 9 / 10, "{inside}");
-    click(&mut window, "Reset");
+    press(&mut window, Modifiers::NONE, Key::R);
     assert_eq!(window.state().viewport.camera, before);
 }
 

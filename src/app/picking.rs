@@ -238,8 +238,8 @@ mod tests {
         for camera in cameras() {
             let [a, b] = [40, 50].map(|i: usize| pixel(&camera, positions[i]));
             // On the diagonal of a quad, nearer to its first corner.
-            assert_eq!(nearest(&target, &camera, SIZE, a.lerp(b, 0.4), 1.0), Some(40));
-            assert_eq!(nearest(&target, &camera, SIZE, a.lerp(b, 0.6), 1.0), Some(50));
+            assert_eq!(nearest(&target, &camera, SIZE, a.lerp(b, 0.2), 1.0), Some(40));
+            assert_eq!(nearest(&target, &camera, SIZE, a.lerp(b, 0.8), 1.0), Some(50));
         }
     }
 
