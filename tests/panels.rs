@@ -345,6 +345,25 @@ fn lanes_are_added_compared_and_removed() {
 }
 
 #[test]
+fn a_click_within_one_picture_selects() {
+    let mut window = open("()");
+    press(&mut window, Modifiers::NONE, Key::F);
+    let middle = window.get_by_label("Viewport").rect().center();
+    window.hover_at(middle);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        window.event(egui::Event::PointerButton {
+            pos: middle,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        });
+    }
+    window.run_steps(2);
+    assert_eq!(window.state().session.selection.len(), 1, "the sheet is in the middle");
+}
+
+#[test]
 fn adding_and_removing_lanes_is_undone_with_their_states() {
     let mut window = open("()");
     step(&mut window, 10);

