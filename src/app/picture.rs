@@ -52,7 +52,7 @@ pub fn draw(
         })
         .collect();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    renderer.prepare(&mut encoder, &view, &mut stored, style);
+    renderer.prepare(&mut encoder, &mut view, &mut stored, style);
     let attachments = Attachments::new(device, PICTURE_FORMAT, size, samples);
     let mut pass = attachments.begin(&mut encoder, &picture.view(), wgpu::Color::BLACK);
     renderer.draw(&mut pass, &view, &stored, style);

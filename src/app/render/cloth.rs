@@ -52,7 +52,8 @@ pub struct Cloth {
     frame_version: Option<u64>,
     shown_uniform: Option<Uniform>,
     shown_flags: Vec<u32>,
-    spacing: f32,
+    /// Mean length of an edge at rest, m.
+    pub(super) spacing: f32,
     uploaded: u64,
 }
 
@@ -223,6 +224,11 @@ impl Cloth {
             rest_scale: [s, h, b, on(style.spring_strain)],
             stride: strides,
         }
+    }
+
+    /// What is drawn of it now: other versions, another shape.
+    pub(super) fn versions(&self) -> [Option<u64>; 2] {
+        [self.topology_version, self.frame_version]
     }
 
     /// Every n-th free particle is drawn.

@@ -1,7 +1,7 @@
 //! Springs by kind and the faces' edges: one draw call a kind, two triangles a line made by the vertex shader.
 
 use super::{
-    Cloth, Style,
+    Cloth, Style, View,
     buffer::Buffer,
     pipeline::{Layouts, Recipe, Target, build, shader},
 };
@@ -11,6 +11,9 @@ pub(super) const KINDS: usize = 3;
 /// The edges of the faces, which are the stretch springs in another colour.
 pub(super) const EDGES: usize = 3;
 const STRETCH: usize = 0;
+/// Pixels at which the shader lets edges fade away, and how much longer than the mean one at rest an edge may be.
+const FADED: f32 = 6.0;
+const STRETCHED: f32 = 4.0;
 
 pub(super) struct Lines {
     pipeline: wgpu::RenderPipeline,
@@ -32,7 +35,7 @@ impl Lines {
         Self { pipeline: build(device, target, &recipe) }
     }
 
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, cloth: &Cloth, style: &Style) {
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, view: &View, cloth: &Cloth, style: &Style) {
         pass.set_pipeline(&self.pipeline);
         for (kind, set) in cloth.lines.iter().enumerate() {
             let count = set.count / cloth.line_stride(kind, style);
@@ -41,9 +44,11 @@ impl Lines {
                 pass.draw(0..6 * count, 0..1);
             }
         }
+        // The shader fades edges of few pixels away: where even stretched ones are, none is drawn at all.
+        let seen = STRETCHED * cloth.spacing * view.pixels_per_metre > FADED;
         let set = &cloth.lines[STRETCH];
         if let Some(edges) =
-            set.edges_group.as_ref().filter(|_| style.edges && style.surface && set.count > 0)
+            set.edges_group.as_ref().filter(|_| style.edges && style.surface && seen && set.count > 0)
         {
             pass.set_bind_group(2, edges, &[]);
             pass.draw(0..6 * set.count, 0..1);
