@@ -9,7 +9,7 @@ use tenter::app::{
     session::{Link, Session},
     workbench::Workbench,
 };
-use tenter::scene::{Place, Plane, Scene, Target};
+use tenter::scene::{Mass, Place, Plane, Scene, Target};
 
 type Window = Harness<'static, Workbench>;
 
@@ -110,6 +110,7 @@ fn the_method_is_chosen_from_the_registry() {
     choose(&mut window, "Method", "Verlet");
     assert_eq!(scene(&window).simulator.id, "verlet");
     assert!(window.query_by_label("Springs stretch stiffness").is_none(), "Verlet ignores the stiffness");
+    assert!(window.query_by_label("Springs damping").is_none(), "and the springs' damping");
     window.get_by_label("Simulator params sweeps");
 }
 
@@ -238,6 +239,24 @@ fn a_mesh_opens_tells_what_was_found_and_saves_beside_itself() {
 }
 
 #[test]
+fn a_bare_mesh_has_the_defaults_and_is_offered_to_be_cotton() {
+    let mut window = open("()");
+    press(&mut window, Modifiers::COMMAND, Key::O);
+    type_path(&mut window, Path::new("assets/meshes/cape_mixed.obj"), "Open");
+    let plain = scene(&window).clone();
+    assert_eq!(plain, Scene { target: plain.target.clone(), ..Scene::default() }, "{}", message(&window));
+    click(&mut window, "Make it light cotton");
+    assert_eq!(scene(&window).mass, Mass::PerArea(0.2));
+    assert!(scene(&window).dt < 0.001);
+    assert!(window.query_by_label("Make it light cotton").is_none());
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(*scene(&window), plain, "one edit");
+    click(&mut window, "Keep these values");
+    assert!(window.query_by_label("Make it light cotton").is_none());
+    assert_eq!(*scene(&window), plain);
+}
+
+#[test]
 fn what_cannot_be_opened_is_told_and_changes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("bad.ron");
@@ -323,6 +342,100 @@ fn lanes_are_added_compared_and_removed() {
     click(&mut window, "Remove lane 1");
     assert_eq!(window.state().session.state().lanes.len(), 1);
     assert_eq!(scene(&window).simulator.id, "verlet");
+}
+
+#[test]
+fn a_click_within_one_picture_selects() {
+    let mut window = open("()");
+    press(&mut window, Modifiers::NONE, Key::F);
+    let middle = window.get_by_label("Viewport").rect().center();
+    window.hover_at(middle);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        window.event(egui::Event::PointerButton {
+            pos: middle,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        });
+    }
+    window.run_steps(2);
+    assert_eq!(window.state().session.selection.len(), 1, "the sheet is in the middle");
+}
+
+#[test]
+fn adding_and_removing_lanes_is_undone_with_their_states() {
+    let mut window = open("()");
+    step(&mut window, 10);
+    press(&mut window, Modifiers::COMMAND, Key::L);
+    choose(&mut window, "Method", "RK4");
+    step(&mut window, 50);
+    let [first, second] = [0, 1].map(|i| lane(&window, i).positions.clone());
+    assert_ne!(first, second);
+    click(&mut window, "Remove lane 2");
+    assert_eq!(window.state().session.state().lanes.len(), 1);
+    step(&mut window, 20);
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(window.state().session.state().lanes.len(), 2, "{}", message(&window));
+    assert_eq!([0, 1].map(|i| lane(&window, i).positions.clone()), [first, second]);
+    assert_eq!(lane(&window, 1).scene.simulator.id, "rk4");
+    // Back through the method of the lane to before there was one, and forth again.
+    for lanes in [2, 1] {
+        press(&mut window, Modifiers::COMMAND, Key::Z);
+        assert_eq!(window.state().session.state().lanes.len(), lanes);
+    }
+    for (lanes, method) in [(2, "symplectic_euler"), (2, "rk4"), (1, "symplectic_euler")] {
+        press(&mut window, Modifiers::COMMAND, Key::Y);
+        let state = window.state().session.state();
+        assert_eq!(state.lanes.len(), lanes);
+        assert_eq!(state.lanes[lanes - 1].scene.simulator.id, method);
+        assert_eq!(window.state().session.scenes().len(), lanes);
+    }
+}
+
+#[test]
+fn the_first_lane_comes_back_too() {
+    let mut window = open("()");
+    press(&mut window, Modifiers::COMMAND, Key::L);
+    choose(&mut window, "Method", "Verlet");
+    click(&mut window, "Remove lane 1");
+    assert_eq!(scene(&window).simulator.id, "verlet");
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    let methods = [0, 1].map(|i| lane(&window, i).scene.simulator.id.clone());
+    assert_eq!(methods, ["symplectic_euler", "verlet"]);
+}
+
+#[test]
+fn the_ramp_of_distances_follows_the_largest() {
+    let mut window = open("()");
+    press(&mut window, Modifiers::COMMAND, Key::L);
+    choose(&mut window, "Method", "RK4");
+    click(&mut window, "Colour by distance");
+    step(&mut window, 50);
+    let [_, most] = lane(&window, 1).distance.expect("a distance");
+    let range = f64::from(window.state().display.distance_range);
+    assert!(range >= most * (1.0 - 1e-6) && range <= 2.5 * most, "{range} m for {most} m");
+}
+
+#[test]
+fn after_a_burst_the_view_shows_the_cloth_and_goes_back() {
+    let mut window = open(BURSTS);
+    let before = window.state().viewport.camera;
+    step(&mut window, 400);
+    window.run_steps(3);
+    let shown = window.state().viewport.camera;
+    assert_ne!(before, shown);
+    let lane = lane(&window, 0).clone();
+    let projector = shown.projector(glam::Vec2::new(600.0, 600.0));
+    let is_inside = |p: &&[f32; 3]| {
+        projector
+            .pixel(glam::Vec3::from(**p))
+            .is_some_and(|p| p.pixel.min_element() >= 0.0 && p.pixel.max_element() <= 600.0)
+    };
+    let inside = lane.positions.iter().filter(is_inside).count();
+    assert!(inside > lane.positions.len() * 9 / 10, "{inside}");
+    press(&mut window, Modifiers::NONE, Key::R);
+    assert_eq!(window.state().viewport.camera, before);
 }
 
 #[test]

@@ -154,7 +154,7 @@ fn no_byte_is_uploaded_twice() {
     let mut flags = vec![0; particles as usize];
     let indices = |geometry: &Geometry| {
         let springs: usize = geometry.springs.iter().map(Vec::len).sum();
-        (12 * geometry.triangles.len() + 12 * springs + 8 * geometry.edges.len()) as u64
+        (12 * geometry.triangles.len() + 12 * springs) as u64
     };
     let positions = 12 * particles;
     let first = show(1, &world, &geometry, &flags);

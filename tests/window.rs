@@ -1,4 +1,5 @@
-//! The workbench in a real window: started, a particle dragged with a mouse, closed; then the recording is looked at.
+//! The workbench in a real window: started, a particle dragged with a mouse, another one pinned, saved, closed; then the recording
+//! and the saved scene are looked at.
 //!
 //! The window opens on a virtual display (Xvfb) of its own, whose mouse and keys xdotool moves.
 
@@ -11,7 +12,8 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
-use tenter::world::{Command as Act, Recording};
+use tenter::scene::{Place, Scene};
+use tenter::world::{Command as Act, Recording, World};
 use x11rb::protocol::xproto::{AtomEnum, ClientMessageEvent, ConnectionExt, EventMask};
 
 /// Ends with the test, whatever becomes of it.
@@ -97,6 +99,17 @@ fn tenter(folder: &Path) -> Command {
     command
 }
 
+/// The workbench on the sheet, which is recorded.
+fn open_on(display: &Display, folder: &Path) -> Process {
+    let mut program = tenter(folder);
+    program.args(["sheet", "--record", "done.ron"]);
+    program.env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    // Neither the user's settings nor a session's bus belong to the test.
+    program.env("XDG_RUNTIME_DIR", folder).env("XDG_CONFIG_HOME", folder).env("XDG_DATA_HOME", folder);
+    program.env("XDG_CACHE_HOME", folder).env("HOME", folder);
+    Process::start(&mut program)
+}
+
 /// Where all particles are at the end of a run or replay.
 fn positions(folder: &Path, args: &[&str]) -> Vec<[f64; 3]> {
     let output: Output = tenter(folder).args(args).args(["--positions", "--json"]).output().expect("runs");
@@ -125,13 +138,7 @@ fn a_particle_is_dragged_in_a_window() {
     let dir = tempfile::tempdir().expect("a folder");
     let folder = dir.path();
     let display = Display::open();
-    let mut program = tenter(folder);
-    program.args(["sheet", "--record", "done.ron"]);
-    program.env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
-    // Neither the user's settings nor a session's bus belong to the test.
-    program.env("XDG_RUNTIME_DIR", folder).env("XDG_CONFIG_HOME", folder).env("XDG_DATA_HOME", folder);
-    program.env("XDG_CACHE_HOME", folder).env("HOME", folder);
-    let mut program = Process::start(&mut program);
+    let mut program = open_on(&display, folder);
 
     let found = display.xdotool(&["search", "--sync", "--onlyvisible", "--name", "Tenter"]);
     let window = found.lines().next().expect("a window").trim().to_owned();
@@ -151,6 +158,29 @@ fn a_particle_is_dragged_in_a_window() {
         display.xdotool(&["mouseup", "1"]);
         pause(0.6);
     }
+    // Paused at its start, with all of the sheet in view, its middle is in the middle: a click selects there, P pins, and the
+    // scene is saved where the dialog proposes.
+    for key in ["space", "r", "f"] {
+        display.xdotool(&["key", key]);
+        pause(0.6);
+    }
+    display.xdotool(&["mousemove", "--sync", "660", "400"]);
+    pause(0.5);
+    display.xdotool(&["click", "1"]);
+    pause(0.5);
+    display.xdotool(&["key", "p"]);
+    pause(0.5);
+    display.xdotool(&["key", "ctrl+s"]);
+    pause(1.0);
+    display.xdotool(&["key", "Return"]);
+    let saved = folder.join("sheet.ron");
+    let start = Instant::now();
+    while !saved.is_file() {
+        assert!(start.elapsed() < Duration::from_secs(20), "nothing was saved");
+        pause(0.1);
+    }
+    // Nothing is left to be saved, so nobody is asked.
+    pause(1.0);
     display.close(window.parse().expect("a number"));
     assert_eq!(program.end(Duration::from_mins(1)), Some(0));
 
@@ -166,10 +196,26 @@ fn a_particle_is_dragged_in_a_window() {
     let released = after.iter().position(|entry| matches!(entry.command, Act::Release { .. }));
     let released = grabbed + released.expect("a release");
     let drags = &recording.commands[grabbed + 1..released];
-    assert!(drags.len() >= 3, "{drags:?}");
+    // How many depends on how fast pictures are drawn.
+    assert!(!drags.is_empty(), "nothing was dragged in {text}");
     assert!(
         drags.iter().all(|entry| matches!(entry.command, Act::Drag { particle: p, .. } if p == particle))
     );
+
+    let pinned = after.iter().rev().find_map(|entry| match &entry.command {
+        Act::Pin { particles } => Some(particles[..].to_vec()),
+        _ => None,
+    });
+    let [pinned] = pinned.expect("a pin")[..] else { panic!("one particle was selected") };
+    let scene = Scene::from_ron(&std::fs::read_to_string(&saved).expect("text")).expect("a scene");
+    let expected: Vec<bool> = {
+        let mut world = World::new(Scene::default(), Place::default()).expect("a world");
+        world.apply(Act::Pin { particles: vec![pinned] }).expect("a particle");
+        world.pinned().to_vec()
+    };
+    let reopened = World::new(scene.clone(), Place::default()).expect("a world");
+    assert_eq!(reopened.pinned(), expected, "the saved scene pins what was pinned in the window");
+    assert_eq!(scene, Scene { pins: scene.pins.clone(), ..Scene::default() }, "and is the same in all else");
 
     // The whole recording runs again to the same bits: replay compares the digest.
     positions(folder, &["replay", "done.ron"]);
@@ -194,4 +240,21 @@ fn a_particle_is_dragged_in_a_window() {
         let by = moved(neighbour);
         assert!(by > 0.2 * own, "particle {particle} went {own} m, its neighbour {neighbour} {by} m");
     }
+}
+
+#[test]
+fn ctrl_c_in_the_terminal_closes_the_window_with_the_recording() {
+    if let Some(what) = lacking() {
+        return machine::lacks("ctrl_c_in_the_terminal_closes_the_window_with_the_recording", &what);
+    }
+    let dir = tempfile::tempdir().expect("a folder");
+    let display = Display::open();
+    let mut program = open_on(&display, dir.path());
+    display.xdotool(&["search", "--sync", "--onlyvisible", "--name", "Tenter"]);
+    pause(2.0);
+    let interrupt = Command::new("kill").args(["-INT", &program.0.id().to_string()]).status();
+    assert!(interrupt.expect("kill runs").success());
+    assert_eq!(program.end(Duration::from_mins(1)), Some(0));
+    let text = std::fs::read_to_string(dir.path().join("done.ron")).expect("the recording");
+    assert!(Recording::from_ron(&text).expect("a recording").steps > 0);
 }

@@ -3,8 +3,11 @@
 //! Lanes are worlds on the same scene that differ in method, precision or dt. Time passes in beats, as long as the longest dt; at the
 //! end of a beat every lane has reached the same simulated time, and only there commands are applied, the same to all.
 
+mod grips;
+mod kept;
+mod pace;
+
 use std::{
-    collections::{BTreeMap, BTreeSet, VecDeque},
     path::Path,
     sync::Arc,
     time::{Duration, Instant},
@@ -13,34 +16,26 @@ use std::{
 use glam::DVec3;
 
 use super::lane::Lane;
-pub use super::order::{LaneSetup, LaneState, Order, State, Values};
+pub use super::order::{LaneSetup, LaneState, Limit, Order, State, Values};
 use crate::{
     scene::{Pending, Place, Refusal},
-    world::{Clock, Command, Entry, Recording, Snapshot},
+    world::{Clock, Command, Entry, Recording},
 };
+use grips::Grips;
+use kept::Memory;
+use pace::Pace;
 
 /// Longest time that orders wait while steps are taken.
 const PATIENCE: Duration = Duration::from_millis(12);
-/// The part of the computing time that may go into measuring, and as much again into limits.
+/// The part of the time that may go into measuring; into following the limit of stability; and into its first search.
 const MEASURING_SHARE: f64 = 0.1;
+const LIMIT_SHARE: f64 = 0.02;
+const FIRST_LIMIT_SHARE: f64 = 0.25;
 /// States remembered for going back, and the particles of all of them: memory, not time, is the limit.
 const REMEMBERED: usize = 40;
 const REMEMBERED_PARTICLES: usize = 4_000_000;
-/// States kept for taking edits back.
-const KEPT: usize = 24;
 /// A picture's time: steps longer than this are blended.
 const PICTURE: Duration = Duration::from_millis(12);
-/// Simulated time after which a hand that let go while time stood still does let go, s: long enough that it no longer
-/// has the speed of its jump.
-const LINGER: f64 = 0.15;
-
-/// A state of all lanes to exchange with.
-struct Kept {
-    number: u64,
-    torn: Vec<usize>,
-    lanes: Vec<Snapshot>,
-}
-
 /// Runs the lanes.
 pub struct Engine {
     lanes: Vec<Lane>,
@@ -62,13 +57,10 @@ pub struct Engine {
     /// The limits are those of an earlier state.
     stale: bool,
     at: Instant,
-    /// States to exchange with, by number.
-    kept: VecDeque<Kept>,
-    /// Particles held hard, and those of them whose hand has moved while no time passed.
-    gripped: BTreeSet<u32>,
-    posed: BTreeMap<u32, DVec3>,
-    /// Particles to let go at a time, because their hand has moved while no time passed.
-    lingering: Vec<(f64, Vec<u32>)>,
+    memory: Memory,
+    grips: Grips,
+    /// Threads that each lane steps on, where the user has said so.
+    threads: Option<usize>,
 }
 
 impl Engine {
@@ -77,6 +69,14 @@ impl Engine {
     /// # Errors
     /// A scene that cannot be built.
     pub fn new(setups: Vec<LaneSetup>) -> Result<Self, Refusal> {
+        Self::on_threads(setups, None)
+    }
+
+    /// Opens lanes, paused, that step on so many threads each; where nothing is said, large cloths on several.
+    ///
+    /// # Errors
+    /// A scene that cannot be built.
+    pub fn on_threads(setups: Vec<LaneSetup>, threads: Option<usize>) -> Result<Self, Refusal> {
         let now = Instant::now();
         let mut engine = Self {
             lanes: Vec::new(),
@@ -95,10 +95,9 @@ impl Engine {
             limit_at: now,
             stale: false,
             at: now,
-            kept: VecDeque::new(),
-            gripped: BTreeSet::new(),
-            posed: BTreeMap::new(),
-            lingering: Vec::new(),
+            memory: Memory::default(),
+            grips: Grips::default(),
+            threads,
         };
         engine.open(setups)?;
         Ok(engine)
@@ -120,15 +119,21 @@ impl Engine {
     fn act(&mut self, order: Order) -> Result<(), Refusal> {
         match order {
             Order::Open(setups) => self.open(setups)?,
-            Order::AddLane { from, title, settings } => {
-                if let Some(lane) = self.lanes.get(from) {
-                    let lane = lane.branch(title, settings)?;
-                    self.lanes.push(lane);
+            Order::AddLane { from, at, title, settings, back } => {
+                let at = at.min(self.lanes.len());
+                if back.is_some_and(|number| self.memory.put_back(number, at, &mut self.lanes)) {
+                    self.has_jumped();
+                } else if let Some(lane) = self.lanes.get(from) {
+                    let lane = lane.branch(title, settings, self.threads)?;
+                    self.lanes.insert(at, lane);
+                }
+                if at <= self.reference && at + 1 < self.lanes.len() {
+                    self.reference += 1;
                 }
             }
-            Order::RemoveLane(lane) => {
+            Order::RemoveLane { lane, number } => {
                 if self.lanes.len() > 1 && lane < self.lanes.len() {
-                    self.lanes.remove(lane);
+                    self.memory.put_away(number, lane, &mut self.lanes);
                     if self.reference >= lane {
                         self.reference = self.reference.saturating_sub(1);
                     }
@@ -156,7 +161,7 @@ impl Engine {
                 self.has_jumped();
                 self.running = false;
             }
-            Order::Keep(number) => self.keep(number),
+            Order::Keep(number) => self.memory.keep(number, &self.lanes),
             Order::Exchange { number, otherwise } => self.exchange(number, &otherwise)?,
             Order::Values(values) => self.values = values,
             Order::Reference(lane) => self.reference = lane.min(self.lanes.len().saturating_sub(1)),
@@ -169,7 +174,7 @@ impl Engine {
         // Built before the old ones go: a refused scene leaves everything as it was.
         let open = |setup: LaneSetup| {
             let title = setup.title.clone();
-            Lane::open(setup).map_err(|refusal| refusal.at(title))
+            Lane::open(setup, self.threads).map_err(|refusal| refusal.at(title))
         };
         let lanes = setups.into_iter().map(open).collect::<Result<Vec<_>, _>>()?;
         if lanes.is_empty() {
@@ -183,7 +188,7 @@ impl Engine {
     }
 
     fn apply(&mut self, only: Option<usize>, command: &Command) -> Result<(), Refusal> {
-        if !self.minds_hands(command) {
+        if !self.grips.mind(command, self.time) {
             return Ok(());
         }
         let mut result = Ok(());
@@ -198,6 +203,9 @@ impl Engine {
                 matches!(command, Command::Set { .. } | Command::Pin { .. } | Command::Free { .. });
             if is_setting && done.is_ok() {
                 lane.refresh();
+            }
+            if let Command::Set { key, .. } = command {
+                lane.restart_search(key);
             }
             match command {
                 Command::Set { key, .. } if key.starts_with("target") => lane.shape = None,
@@ -218,31 +226,6 @@ impl Engine {
         result
     }
 
-    /// Follows who holds what. False if the command has to wait until time passes.
-    fn minds_hands(&mut self, command: &Command) -> bool {
-        match command {
-            Command::Grab { particles } | Command::Pull { particles, .. } => {
-                let hard = matches!(command, Command::Grab { .. });
-                for particle in particles {
-                    self.lingering.iter_mut().for_each(|(_, waiting)| waiting.retain(|p| p != particle));
-                    if hard {
-                        self.gripped.insert(*particle);
-                    }
-                }
-                true
-            }
-            Command::Release { particles } => {
-                if particles.iter().any(|p| self.posed.contains_key(p)) {
-                    self.lingering.push((self.time + LINGER, particles.clone()));
-                    return false;
-                }
-                self.gripped.retain(|p| !particles.contains(p));
-                true
-            }
-            _ => true,
-        }
-    }
-
     fn drag(&mut self, to: &[(u32, DVec3)]) -> Result<(), Refusal> {
         let frame = self.clock.speed / 60.0;
         for lane in &mut self.lanes {
@@ -253,7 +236,7 @@ impl Engine {
             }
         }
         if !self.running {
-            self.posed.extend(to.iter().copied().filter(|(particle, _)| self.gripped.contains(particle)));
+            self.grips.pose(to);
         }
         Ok(())
     }
@@ -261,9 +244,7 @@ impl Engine {
     /// Time has jumped in some lane: hands, owed time and the beat begin anew.
     fn has_jumped(&mut self) {
         self.time = self.lanes.iter().map(|lane| lane.world.time()).fold(0.0, f64::max);
-        self.gripped.clear();
-        self.posed.clear();
-        self.lingering.clear();
+        self.grips = Grips::default();
         self.rest();
         let now = Instant::now();
         self.measure_at = now;
@@ -271,46 +252,17 @@ impl Engine {
         self.stale = true;
     }
 
-    fn particles(&self) -> usize {
-        self.lanes.iter().map(|lane| lane.world.pinned().len()).sum::<usize>().max(1)
-    }
-
-    /// Torn springs of each lane.
-    fn torn(&self) -> Vec<usize> {
-        self.lanes.iter().map(|lane| lane.world.broken().len()).collect()
-    }
-
-    fn keep(&mut self, number: u64) {
-        let most = (REMEMBERED_PARTICLES / self.particles()).clamp(1, KEPT);
-        self.kept.retain(|kept| kept.number != number);
-        let lanes = self.lanes.iter().map(|lane| lane.world.snapshot()).collect();
-        self.kept.push_back(Kept { number, torn: self.torn(), lanes });
-        while self.kept.len() > most {
-            self.kept.pop_front();
-        }
-    }
-
     fn exchange(&mut self, number: u64, otherwise: &[(Option<usize>, Command)]) -> Result<(), Refusal> {
-        let torn = self.torn();
         let replaces = |(_, command): &(_, Command)| matches!(command, Command::Set { key, .. } if key.starts_with("target"));
         let commands_do = !otherwise.is_empty() && !otherwise.iter().any(replaces);
-        let kept =
-            self.kept.iter_mut().find(|kept| kept.number == number && kept.lanes.len() == self.lanes.len());
-        let Some(kept) = kept.filter(|kept| !(commands_do && kept.torn == torn)) else {
-            if otherwise.is_empty() {
-                return Err(Refusal::new("the cloth of that moment is no longer remembered"));
-            }
-            return otherwise.iter().try_for_each(|(lane, command)| self.apply(*lane, command));
-        };
-        kept.torn = torn;
-        let then = &mut kept.lanes;
-        for (lane, snapshot) in self.lanes.iter_mut().zip(then) {
-            let now = lane.world.snapshot();
-            lane.restore(snapshot);
-            *snapshot = now;
+        if self.memory.exchange(number, commands_do, &mut self.lanes) {
+            self.has_jumped();
+            return Ok(());
         }
-        self.has_jumped();
-        Ok(())
+        if otherwise.is_empty() {
+            return Err(Refusal::new("the cloth of that moment is no longer remembered"));
+        }
+        otherwise.iter().try_for_each(|(lane, command)| self.apply(*lane, command))
     }
 
     fn record(&self, path: &Path) -> Result<(), Refusal> {
@@ -380,7 +332,7 @@ impl Engine {
     fn beat(&mut self) {
         self.time += self.beat_time();
         let (time, blends) = (self.time, self.blends());
-        let keep = (REMEMBERED_PARTICLES / self.particles()).clamp(1, REMEMBERED);
+        let keep = (REMEMBERED_PARTICLES / kept::particles(&self.lanes)).clamp(1, REMEMBERED);
         for lane in &mut self.lanes {
             let start = Instant::now();
             let before = lane.world.time();
@@ -400,27 +352,16 @@ impl Engine {
             lane.remember(keep);
         }
         self.stale = true;
-        self.posed.clear();
-        self.let_go();
-        if self.lanes.iter().any(|lane| lane.world.health().is_diverged()) {
-            self.running = false;
-            self.measure_at = Instant::now();
-            self.limit_at = self.measure_at;
-        }
-    }
-
-    /// Releases what was let go while time stood still.
-    fn let_go(&mut self) {
-        let now = self.time;
-        let (due, waiting) = std::mem::take(&mut self.lingering).into_iter().partition(|(at, _)| *at <= now);
-        self.lingering = waiting;
-        for (_, particles) in due {
-            let particles: Vec<u32> = particles;
-            self.gripped.retain(|p| !particles.contains(p));
+        for particles in self.grips.let_go(self.time) {
             for lane in &mut self.lanes {
                 // Particles of a scene that is gone are refused, rightly.
                 let _ = lane.world.apply(Command::Release { particles: particles.clone() });
             }
+        }
+        if self.lanes.iter().any(|lane| lane.world.health().is_diverged()) {
+            self.running = false;
+            self.measure_at = Instant::now();
+            self.limit_at = self.measure_at;
         }
     }
 
@@ -435,7 +376,7 @@ impl Engine {
         let compared = (self.lanes.len() > 1)
             .then(|| self.lanes.get(self.reference).map(|lane| lane.world.positions()))
             .flatten();
-        let (values, posed, geometries) = (self.values, &self.posed, &mut self.geometries);
+        let (values, posed, geometries) = (self.values, self.grips.posed(), &mut self.geometries);
         let lanes = self.lanes.iter_mut();
         let lanes =
             lanes.map(|lane| Arc::new(lane.state(values, compared.as_deref(), posed, geometries))).collect();
@@ -451,25 +392,26 @@ impl Engine {
             reference: self.reference,
             lanes,
             refusal: self.refusal.clone(),
+            is_still: false,
         }
     }
 
     /// Energies and limits cost a pass over the springs or many: they are refreshed as seldom as keeps their share small.
     fn measure(&mut self) {
-        let start = Instant::now();
-        let pause = |start: Instant, most: f64| {
-            let pause = start.elapsed().as_secs_f64() / MEASURING_SHARE;
+        let pause = |start: Instant, share: f64, most: f64| {
+            let pause = start.elapsed().as_secs_f64() / share;
             Instant::now() + Duration::from_secs_f64(pause.clamp(0.03, most))
         };
+        let start = Instant::now();
         if start >= self.measure_at {
             self.lanes.iter_mut().for_each(Lane::measure);
-            self.measure_at = pause(start, 5.0);
+            self.measure_at = pause(start, MEASURING_SHARE, 5.0);
         }
+        let start = Instant::now();
         if self.stale && start >= self.limit_at {
-            let start = Instant::now();
-            self.lanes.iter_mut().for_each(Lane::limit);
-            self.stale = false;
-            self.limit_at = pause(start, 60.0);
+            let first = self.lanes.iter().any(Lane::lacks_limit);
+            self.stale = !self.lanes.iter_mut().fold(true, |all, lane| lane.search_limit() && all);
+            self.limit_at = pause(start, if first { FIRST_LIMIT_SHARE } else { LIMIT_SHARE }, 60.0);
         }
     }
 
@@ -483,29 +425,6 @@ impl Engine {
     /// The commands that a lane has taken, with their steps.
     pub fn log(&self, lane: usize) -> &[Entry] {
         self.lanes.get(lane).map_or(&[], |lane| lane.world.log())
-    }
-}
-
-/// How much simulated time passes in a second, over the last moments.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pace {
-    wall: f64,
-    simulated: f64,
-}
-
-impl Pace {
-    fn count(&mut self, wall: Duration, simulated: f64) {
-        self.wall += wall.as_secs_f64();
-        self.simulated += simulated;
-        // A window that forgets: about the last second.
-        if self.wall > 1.0 {
-            self.wall *= 0.5;
-            self.simulated *= 0.5;
-        }
-    }
-
-    fn value(self) -> Option<f64> {
-        (self.wall > 0.2).then(|| self.simulated / self.wall)
     }
 }
 

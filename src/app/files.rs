@@ -7,7 +7,7 @@ use std::{
 
 use super::{order::Order, preferences::Preferences, session::Session};
 use crate::{
-    scene::{self, Mass, Opened, Pending, Refusal, Scene, Target},
+    scene::{self, Mass, Opened, Pending, Place, Refusal, Scene, Target, to_ron},
     world::World,
 };
 
@@ -84,6 +84,7 @@ pub struct Files {
     saving: Option<Job<(PathBuf, Result<(), Refusal>)>>,
     picking: Option<(Purpose, Job<Option<PathBuf>>)>,
     after_saving: Option<Next>,
+    cotton: Option<(Target, Job<Result<Vec<(String, String)>, Refusal>>)>,
 }
 
 impl Files {
@@ -108,6 +109,18 @@ impl Files {
     /// What is being read.
     pub fn loading(&self) -> Option<&str> {
         self.loading.as_ref().map(|(name, _)| name.as_str())
+    }
+
+    /// Makes the open mesh light cotton, as one edit, once it is known which step holds then.
+    pub fn make_cotton(&mut self, session: &Session) {
+        let (scene, place) = (session.scene().clone(), session.place());
+        let target = scene.target.clone();
+        self.cotton = Some((target, Job::start(self.window.as_ref(), move || light_cotton(scene, place))));
+    }
+
+    /// Whether that is under way.
+    pub fn is_making_cotton(&self) -> bool {
+        self.cotton.is_some()
     }
 
     /// Writes the first lane's scene, and then does what comes next.
@@ -179,6 +192,20 @@ impl Files {
                 }
             }
         }
+        if let Some((target, job)) = self.cotton.take() {
+            match job.answer() {
+                Err(TryRecvError::Empty) => self.cotton = Some((target, job)),
+                // Another target has been opened meanwhile: then nobody wants it any more.
+                Ok(Ok(settings)) if session.scene().target == target => {
+                    if let Ok(changes) = values_in(session.scene(), settings) {
+                        session.set_all(None, "light cotton", &changes);
+                        session.end_edit();
+                    }
+                }
+                Ok(Err(refusal)) => session.message = Some(refusal.to_string()),
+                Ok(Ok(_)) | Err(TryRecvError::Disconnected) => {}
+            }
+        }
         let mut next = None;
         match take(&mut self.saving) {
             Some((path, Ok(()))) => {
@@ -233,36 +260,50 @@ fn load(name: &str, meshes: &[PathBuf]) -> Result<Opened, Refusal> {
     if let Some(short) = Path::new(&opened.title).file_name() {
         opened.title = short.to_string_lossy().into_owned();
     }
-    Ok(dress(opened))
+    Ok(opened)
 }
 
-/// A mesh that comes without a scene is taken as light cotton, with a step that is stable for it: with the values of the 25 m sheet
-/// a garment would stretch to several times its length.
-pub fn dress(mut opened: Opened) -> Opened {
-    let is_bare = opened.scene == Scene { target: opened.scene.target.clone(), ..Scene::default() };
-    if opened.file.is_some() || !is_bare || !matches!(opened.scene.target, Target::Mesh(_)) {
-        return opened;
-    }
-    let mut scene = Scene { mass: Mass::PerArea(0.2), air_damping: 2e-4, dt: 1e-3, ..opened.scene.clone() };
+/// Keys and values that make a mesh light cotton, with a step that is stable for it: with the values of the 25 m sheet a garment
+/// would stretch to several times its length.
+fn light_cotton(mut scene: Scene, place: Place) -> Result<Vec<(String, String)>, Refusal> {
+    scene.mass = Mass::PerArea(0.2);
+    scene.air_damping = 2e-4;
+    scene.dt = 1e-3;
     let springs = &mut scene.springs;
     springs.damping = 1e-3;
     springs.stretch.stiffness = 50.0;
     springs.shear.stiffness = 10.0;
     springs.bend.stiffness = 0.5;
-    let limit = World::new(scene.clone(), opened.place.clone()).ok().and_then(|world| {
-        let masses = scene.mass.of(world.mesh()).ok()?;
-        let weight = scene.gravity.magnitude * masses.iter().sum::<f64>() / masses.len() as f64;
-        let limit = world.dt_limit(&world.spectrum()).filter(|l| *l > 0.0 && l.is_finite())?;
-        Some((limit, weight.max(1e-9)))
-    });
-    // What cannot be built so is opened as it is, and told why.
-    if let Some((limit, weight)) = limit {
-        scene.dt = readable(0.7 * limit.min(0.02));
-        // A wind that lifts it, and does not tear it away.
-        scene.wind.strength = readable(weight);
-        opened.scene = scene;
-    }
-    opened
+    let world = World::new(scene.clone(), place)?;
+    let masses = scene.mass.of(world.mesh())?;
+    let weight = scene.gravity.magnitude * masses.iter().sum::<f64>() / masses.len().max(1) as f64;
+    let limit = world.dt_limit(&world.spectrum()).filter(|limit| *limit > 0.0).unwrap_or(f64::INFINITY);
+    scene.dt = readable(0.7 * limit.min(0.02));
+    // A wind that lifts it, and does not tear it away.
+    scene.wind.strength = readable(weight.max(1e-9));
+    let settings = [
+        ("mass", to_ron(&scene.mass)),
+        ("springs", to_ron(&scene.springs)),
+        ("air_damping", to_ron(&scene.air_damping)),
+        ("wind.strength", to_ron(&scene.wind.strength)),
+        ("dt", to_ron(&scene.dt)),
+    ];
+    settings.into_iter().map(|(key, value)| Ok((key.to_owned(), value?))).collect()
+}
+
+/// The same keys with the values that they have in a scene.
+fn values_in(
+    scene: &Scene,
+    settings: Vec<(String, String)>,
+) -> Result<Vec<(String, String, String)>, Refusal> {
+    let before = |key: &str| match key {
+        "mass" => to_ron(&scene.mass),
+        "springs" => to_ron(&scene.springs),
+        "air_damping" => to_ron(&scene.air_damping),
+        "wind.strength" => to_ron(&scene.wind.strength),
+        _ => to_ron(&scene.dt),
+    };
+    settings.into_iter().map(|(key, value)| Ok((key.clone(), value, before(&key)?))).collect()
 }
 
 /// The largest number of one digit that is not above `value`.
@@ -310,16 +351,14 @@ mod tests {
     }
 
     #[test]
-    fn a_bare_mesh_becomes_cloth_with_a_stable_step() {
-        let plain = scene::open("assets/meshes/cape_mixed.obj").expect("a mesh");
-        let dressed = dress(plain.clone());
-        assert_eq!(dressed.scene.mass, Mass::PerArea(0.2));
-        let world = World::new(dressed.scene.clone(), dressed.place.clone()).expect("a world");
+    fn light_cotton_has_a_stable_step() {
+        let Opened { mut scene, place, .. } = scene::open("assets/meshes/cape_mixed.obj").expect("a mesh");
+        for (key, value) in light_cotton(scene.clone(), place.clone()).expect("settings") {
+            scene.set_key(&key, &value).expect("accepted");
+        }
+        assert_eq!(scene.mass, Mass::PerArea(0.2));
+        let world = World::new(scene.clone(), place).expect("a world");
         let limit = world.dt_limit(&world.spectrum()).expect("a limit");
-        assert!(dressed.scene.dt <= 0.7 * limit);
-        // Whoever has set anything means what he says.
-        let mut set = plain;
-        set.scene.dt = 0.01;
-        assert_eq!(dress(set.clone()).scene, set.scene);
+        assert!(scene.dt <= 0.7 * limit && scene.dt > 0.07 * limit);
     }
 }

@@ -17,7 +17,7 @@ use crate::{
 /// Size of a picture, pixels.
 pub const SIZE: [u32; 2] = [336, 210];
 /// Simulated time until the picture, s, and the time that it may take.
-const MOMENT: f64 = 0.9;
+const MOMENT: f64 = 1.8;
 const PATIENCE: Duration = Duration::from_millis(1500);
 
 /// The pictures that are there.

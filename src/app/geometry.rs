@@ -1,4 +1,4 @@
-//! What of a world's topology is drawn: its faces as triangles, their edges and the springs, without what is torn.
+//! What of a world's topology is drawn: its faces as triangles and the springs, without what is torn.
 
 use std::collections::HashSet;
 
@@ -16,9 +16,7 @@ pub struct Geometry {
     pub particles: u32,
     /// The surface.
     pub triangles: Vec<[u32; 3]>,
-    /// Edges of the faces.
-    pub edges: Vec<[u32; 2]>,
-    /// Whole springs by kind: stretch, shear, bend.
+    /// Whole springs by kind: stretch, which are the edges of the faces; shear; bend.
     pub springs: [Vec<[u32; 2]>; 3],
     /// Length of each in the undeformed shape, m.
     pub rest_lengths: [Vec<f32>; 3],
@@ -51,7 +49,6 @@ impl Geometry {
                 id += 1;
             }
         }
-        geometry.edges.clone_from(&geometry.springs[0]);
         geometry
     }
 
@@ -61,7 +58,6 @@ impl Geometry {
             version: self.version,
             particles: self.particles,
             triangles: &self.triangles,
-            edges: &self.edges,
             springs: std::array::from_fn(|kind| Springs {
                 pairs: &self.springs[kind],
                 rest_lengths: &self.rest_lengths[kind],

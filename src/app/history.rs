@@ -66,30 +66,6 @@ impl History {
     pub fn names(&self) -> [Option<&str>; 2] {
         [&self.done, &self.undone].map(|edits| edits.last().map(|edit| edit.label.as_str()))
     }
-
-    /// A lane is gone: so are its own edits, and the lanes behind it have moved up.
-    pub fn remove_lane(&mut self, gone: usize) {
-        for edits in [&mut self.done, &mut self.undone] {
-            edits.retain(|edit| edit.lane != Some(gone));
-            for edit in edits {
-                let up = |lane: &mut Option<usize>| {
-                    if let Some(lane) = lane.as_mut().filter(|lane| **lane > gone) {
-                        *lane -= 1;
-                    }
-                };
-                up(&mut edit.lane);
-                for order in edit.undo.iter_mut().chain(&mut edit.redo) {
-                    match order {
-                        Order::Apply(lane, _) => up(lane),
-                        Order::Exchange { otherwise, .. } => {
-                            otherwise.iter_mut().for_each(|(lane, _)| up(lane));
-                        }
-                        _ => {}
-                    }
-                }
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -97,15 +73,11 @@ mod tests {
     use super::*;
     use crate::world::Command;
 
-    fn set_in(lane: Option<usize>, key: &str, before: &str, after: &str) -> Edit {
-        let order = |value: &str| {
-            vec![Order::Apply(lane, Command::Set { key: key.to_owned(), value: value.to_owned() })]
-        };
-        Edit { label: key.to_owned(), lane, undo: order(before), redo: order(after) }
-    }
-
     fn set(key: &str, before: &str, after: &str) -> Edit {
-        set_in(None, key, before, after)
+        let order = |value: &str| {
+            vec![Order::Apply(None, Command::Set { key: key.to_owned(), value: value.to_owned() })]
+        };
+        Edit { label: key.to_owned(), lane: None, undo: order(before), redo: order(after) }
     }
 
     #[test]
@@ -129,15 +101,5 @@ mod tests {
         history.push(set("air_damping", "1", "2"));
         assert_eq!(history.redo(), None);
         assert_eq!(history.names(), [Some("air_damping"), None]);
-    }
-
-    #[test]
-    fn edits_follow_their_lanes() {
-        let mut history = History::default();
-        history.push(set_in(Some(1), "dt", "1", "2"));
-        history.push(set_in(Some(2), "dt", "3", "4"));
-        history.remove_lane(1);
-        assert_eq!(history.undo(), Some(set_in(Some(1), "dt", "3", "4")));
-        assert_eq!(history.undo(), None);
     }
 }

@@ -10,10 +10,11 @@ use glam::DVec3;
 
 use super::{
     geometry::Geometry,
-    order::{LaneSetup, LaneState, Values},
+    order::{LaneSetup, LaneState, Limit, Values},
     render::flag,
 };
 use crate::{
+    forces::Spectrum,
     scene::{Place, Refusal, Scene, to_ron},
     target::ImportReport,
     world::{Command, Measures, Snapshot, World},
@@ -42,7 +43,10 @@ pub(super) struct Lane {
     /// Computing time and simulated time since the last measurement.
     pub spent: (Duration, f64),
     measures: Measures,
-    dt_limit: Option<f64>,
+    limit: Limit,
+    /// What is being searched for a newer limit, or where the last search ended.
+    spectrum: Option<Spectrum>,
+    is_searching: bool,
     warnings: Arc<Vec<String>>,
     report: Arc<ImportReport>,
     mass: f64,
@@ -50,12 +54,12 @@ pub(super) struct Lane {
 }
 
 impl Lane {
-    pub fn open(setup: LaneSetup) -> Result<Self, Refusal> {
+    pub fn open(setup: LaneSetup, threads: Option<usize>) -> Result<Self, Refusal> {
         let start = setup.scene.clone();
         let world = World::new(setup.scene, setup.place.clone()).map_err(|e| e.at(&setup.title))?;
         let mut lane = Self::of(setup.title, world, setup.place);
         lane.start = Some(start);
-        lane.set_threads();
+        lane.set_threads(threads)?;
         lane.refresh();
         lane.measure();
         lane.remember(usize::MAX);
@@ -63,14 +67,19 @@ impl Lane {
     }
 
     /// A lane that goes on from this one's state.
-    pub fn branch(&self, title: String, settings: Vec<(String, String)>) -> Result<Self, Refusal> {
+    pub fn branch(
+        &self,
+        title: String,
+        settings: Vec<(String, String)>,
+        threads: Option<usize>,
+    ) -> Result<Self, Refusal> {
         let mut world = World::new(Scene::default(), self.place.clone())?;
         world.restore(&self.world.snapshot());
         for (key, value) in settings {
             world.apply(Command::Set { key, value })?;
         }
         let mut lane = Self::of(title, world, self.place.clone());
-        lane.set_threads();
+        lane.set_threads(threads)?;
         lane.refresh();
         lane.measure();
         lane.remember(usize::MAX);
@@ -89,7 +98,9 @@ impl Lane {
             remembered: VecDeque::new(),
             spent: (Duration::ZERO, 0.0),
             measures: Measures::default(),
-            dt_limit: None,
+            limit: Limit::Unknown,
+            spectrum: None,
+            is_searching: false,
             warnings: Arc::default(),
             report: Arc::default(),
             mass: 0.0,
@@ -97,12 +108,16 @@ impl Lane {
         }
     }
 
-    fn set_threads(&mut self) {
+    fn set_threads(&mut self, wanted: Option<usize>) -> Result<(), Refusal> {
+        if let Some(threads) = wanted {
+            return self.world.set_threads(threads);
+        }
         if self.world.mesh().positions.len() >= MANY {
             let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
             // Fewer threads give the same result, only later.
             let _ = self.world.set_threads((cores - 1).clamp(1, MOST_THREADS));
         }
+        Ok(())
     }
 
     /// Takes over what changes with commands only.
@@ -123,15 +138,35 @@ impl Lane {
         }
     }
 
-    /// Many passes over the springs: the largest stable dt.
-    pub fn limit(&mut self) {
-        /// Particles up to which it takes no longer than a blink.
-        const LIMITED: usize = 20_000;
-        self.dt_limit = if self.world.pinned().len() <= LIMITED {
-            self.world.dt_limit(&self.world.spectrum())
-        } else {
-            None
-        };
+    /// Looks for the largest stable dt, a few passes over the springs at a time; true once it is found.
+    pub fn search_limit(&mut self) -> bool {
+        /// Particles that are passed over before the search is put off.
+        const PARTICLES: usize = 100_000;
+        if !self.is_searching {
+            self.spectrum = Some(self.world.spectrum().in_parts(self.spectrum.take()));
+            self.is_searching = true;
+        }
+        let Some(spectrum) = &self.spectrum else { return true };
+        spectrum.allow((PARTICLES / self.world.pinned().len().max(1)).clamp(1, 1000));
+        let limit = self.world.dt_limit(spectrum);
+        if spectrum.is_settled() {
+            self.limit = limit.map_or(Limit::None, Limit::At);
+            self.is_searching = false;
+        }
+        !self.is_searching
+    }
+
+    /// Forgets a search whose question has changed. Where the method is another one, so is its limit.
+    pub fn restart_search(&mut self, key: &str) {
+        self.is_searching = false;
+        if key.starts_with("simulator") {
+            self.limit = Limit::Unknown;
+        }
+    }
+
+    /// Whether nothing is known of the limit yet.
+    pub fn lacks_limit(&self) -> bool {
+        self.limit == Limit::Unknown
     }
 
     pub fn remember(&mut self, most: usize) {
@@ -158,6 +193,7 @@ impl Lane {
         }
         self.shape = None;
         self.previous.clear();
+        self.restart_search("simulator");
         self.refresh();
     }
 
@@ -252,7 +288,7 @@ impl Lane {
             steps: world.steps(),
             health: world.health(),
             measures: self.measures,
-            dt_limit: self.dt_limit,
+            limit: self.limit,
             cost: self.cost,
             distance,
             broken: world.broken().len(),

@@ -26,7 +26,10 @@ pub mod viewport;
 pub mod workbench;
 
 use std::{
-    sync::{Arc, OnceLock},
+    sync::{
+        Arc, OnceLock,
+        atomic::{AtomicBool, Ordering},
+    },
     thread::JoinHandle,
 };
 
@@ -80,15 +83,35 @@ impl Closed {
     }
 }
 
-/// Opens scenes as lanes in a window, and returns when it is closed.
+/// Closes the window from elsewhere, without a question: whoever presses Ctrl-C in the terminal is not at the window.
+#[derive(Clone, Debug, Default)]
+pub struct Closer(Arc<(AtomicBool, OnceLock<egui::Context>)>);
+
+impl Closer {
+    /// Closes the window, or keeps it from staying open.
+    pub fn close(&self) {
+        let (is_asked, window) = &*self.0;
+        is_asked.store(true, Ordering::Relaxed);
+        if let Some(window) = window.get() {
+            window.request_repaint();
+        }
+    }
+
+    /// Whether it was asked for.
+    pub fn is_asked(&self) -> bool {
+        self.0.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Opens scenes as lanes in a window, each stepping on so many threads if that is said, and returns when it is closed.
 ///
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
-pub fn run(scenes: Vec<Opened>) -> Result<Closed, AppError> {
-    let setups: Vec<LaneSetup> = scenes.into_iter().map(|opened| files::dress(opened).into()).collect();
+pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Result<Closed, AppError> {
+    let setups: Vec<LaneSetup> = scenes.into_iter().map(LaneSetup::from).collect();
     let setups = if setups.is_empty() { vec![crate::scene::open("sheet")?.into()] } else { setups };
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
-    let mut engine = Engine::new(setups.clone())?;
+    let mut engine = Engine::on_threads(setups.clone(), threads)?;
     let state = engine.state();
     // The thread is there before the window: until that opens, nobody needs to be woken.
     let window = Arc::new(OnceLock::<egui::Context>::new());
@@ -106,10 +129,12 @@ pub fn run(scenes: Vec<Opened>) -> Result<Closed, AppError> {
     let opening =
         shell::Opening { title, size: preferences.size, maximized: preferences.maximized, samples: None };
     shell::run(opening, |stage| {
-        // Before the first frame nobody else sets it.
+        // Before the first frame nobody else sets them.
         let _ = window.set(stage.egui.clone());
+        let _ = closer.0.1.set(stage.egui.clone());
         let mut workbench = Workbench::with(session, preferences, file);
         workbench.attach(stage);
+        workbench.closer = closer;
         workbench
     })?;
     Ok(closed)

@@ -24,13 +24,23 @@ pub enum Order {
     AddLane {
         /// The lane that it starts from.
         from: usize,
+        /// Its number; later ones move up.
+        at: usize,
         /// What to call it.
         title: String,
         /// Keys and values in which it differs.
         settings: Vec<(String, String)>,
+        /// A lane that was removed under this number comes back, and all lanes go to the state that they were in. Where that
+        /// is no longer remembered, the lane starts as a new one does.
+        back: Option<u64>,
     },
     /// Removes a lane; the last one stays.
-    RemoveLane(usize),
+    RemoveLane {
+        /// Which.
+        lane: usize,
+        /// The number under which it may come back.
+        number: u64,
+    },
     /// Applies a command to one lane, or to all.
     Apply(Option<usize>, Command),
     /// Moves what is held to these points over the time of one frame, m.
@@ -92,6 +102,28 @@ impl From<Opened> for LaneSetup {
     }
 }
 
+/// Largest stable dt in theory.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Limit {
+    /// It has not been found yet.
+    #[default]
+    Unknown,
+    /// The method has none.
+    None,
+    /// s; 0 where no dt is stable.
+    At(f64),
+}
+
+impl Limit {
+    /// A dt that is finite and above 0, if there is one, s.
+    pub fn dt(self) -> Option<f64> {
+        match self {
+            Self::At(dt) if dt > 0.0 && dt.is_finite() => Some(dt),
+            _ => None,
+        }
+    }
+}
+
 /// What a lane looks like now.
 #[derive(Clone, Debug)]
 pub struct LaneState {
@@ -117,8 +149,8 @@ pub struct LaneState {
     pub health: Health,
     /// Energies and strain.
     pub measures: Measures,
-    /// Largest stable dt in theory for the shape now, s.
-    pub dt_limit: Option<f64>,
+    /// Largest stable dt in theory for the shape now.
+    pub limit: Limit,
     /// Seconds of computing for each simulated second.
     pub cost: f64,
     /// Root mean square and largest distance from the reference lane, m.
@@ -158,4 +190,6 @@ pub struct State {
     pub lanes: Vec<Arc<LaneState>>,
     /// The last order that was refused, with its number and why.
     pub refusal: Option<(u64, String)>,
+    /// No particle has moved so far since the state before that it could be seen.
+    pub is_still: bool,
 }

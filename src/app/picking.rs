@@ -23,7 +23,8 @@ const CANDIDATES: usize = 64;
 /// A surface must be nearer by this part of the distance to hide a particle: its own neighbourhood does not, seen at a slant.
 const HIDING_MARGIN: f32 = 1e-3;
 
-/// The visible particle nearest to the cursor, at most `tolerance` pixels away; of equals the one nearest to the eye.
+/// The visible particle nearest to the cursor, at most `tolerance` pixels away; of equals the one nearest to the eye. In the
+/// middle of a large face, farther from each of its corners, it is the nearest of these.
 pub fn nearest(
     target: &Target<'_>,
     camera: &Camera,
@@ -49,7 +50,22 @@ pub fn nearest(
     if !candidates.is_empty() {
         hide(&mut candidates, target, camera, size, cursor, tolerance);
     }
-    candidates.iter().find(|candidate| !candidate.hidden).map(|candidate| candidate.particle)
+    let visible = candidates.iter().find(|candidate| !candidate.hidden).map(|candidate| candidate.particle);
+    visible.or_else(|| corner_under(target, camera, size, cursor))
+}
+
+/// The corner nearest to the cursor of the face under it.
+fn corner_under(target: &Target<'_>, camera: &Camera, size: Vec2, cursor: Vec2) -> Option<u32> {
+    let ray = camera.ray(cursor, size);
+    let place = |i: u32| Vec3::from(target.positions[i as usize]);
+    let under = target.triangles.par_iter().filter_map(|triangle| {
+        let distance = hit(ray.origin, ray.direction, triangle.map(place))?;
+        Some((distance, *triangle))
+    });
+    let (_, face) = under.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let projector = camera.projector(size);
+    let away = |i: &u32| projector.pixel(place(*i)).map_or(f32::INFINITY, |p| p.pixel.distance(cursor));
+    face.into_iter().min_by(|a, b| away(a).total_cmp(&away(b)))
 }
 
 struct Candidate {
@@ -212,6 +228,18 @@ mod tests {
                 assert_eq!(nearest(&target, &camera, SIZE, cursor, 8.0), Some(i as u32), "{camera:?}");
             }
             assert_eq!(nearest(&target, &camera, SIZE, Vec2::new(5.0, 5.0), 8.0), None);
+        }
+    }
+
+    #[test]
+    fn a_face_under_the_cursor_gives_its_nearest_corner() {
+        let (positions, triangles) = sheets(9);
+        let target = Target { positions: &positions, triangles: &triangles };
+        for camera in cameras() {
+            let [a, b] = [40, 50].map(|i: usize| pixel(&camera, positions[i]));
+            // On the diagonal of a quad, nearer to its first corner.
+            assert_eq!(nearest(&target, &camera, SIZE, a.lerp(b, 0.2), 1.0), Some(40));
+            assert_eq!(nearest(&target, &camera, SIZE, a.lerp(b, 0.8), 1.0), Some(50));
         }
     }
 

@@ -3,6 +3,9 @@
 //! Panels read a [`Session`] and send orders through it; they write no state. Until the simulation has answered, they show the
 //! scene as it will be, so that a slider does not jump back while a step takes long.
 
+mod hold;
+mod lanes;
+
 use std::{collections::BTreeSet, path::PathBuf, sync::Arc};
 
 use glam::DVec3;
@@ -15,7 +18,7 @@ use super::{
     trace::Trace,
 };
 use crate::{
-    scene::{Place, Scene},
+    scene::{Place, Scene, Target},
     world::Command,
 };
 
@@ -73,6 +76,8 @@ pub struct Session {
     running: bool,
     values: Values,
     saved: Option<Scene>,
+    /// The user wants the values of a bare mesh as they are.
+    pub keeps_defaults: bool,
     /// The last message to the user: what was refused, saved or undone.
     pub message: Option<String>,
 }
@@ -100,6 +105,7 @@ impl Session {
             moved: DVec3::ZERO,
             kept: 0,
             values: Values::None,
+            keeps_defaults: false,
             message: None,
         }
     }
@@ -143,6 +149,7 @@ impl Session {
         self.held.clear();
         self.trace.clear();
         self.lane = 0;
+        self.keeps_defaults = false;
         self.start();
     }
 
@@ -299,6 +306,14 @@ impl Session {
                 Order::Exchange { otherwise, .. } => {
                     otherwise.iter().for_each(|(lane, command)| self.foresee(*lane, command));
                 }
+                Order::AddLane { from, at, settings, .. } => self.foresee_lane(*from, *at, settings),
+                Order::RemoveLane { lane, .. } if self.drafts.len() > 1 && *lane < self.drafts.len() => {
+                    self.drafts.remove(*lane);
+                    self.setups.remove(*lane);
+                    if self.lane >= *lane {
+                        self.lane = self.lane.saturating_sub(1);
+                    }
+                }
                 Order::Open(setups) => {
                     let setups = setups.clone();
                     self.opening = Some(Opening { order: self.sent + 1, setups, saved: None, undo: None });
@@ -368,43 +383,17 @@ impl Session {
         lanes.map(|(setup, scene)| LaneSetup { scene: scene.clone(), ..setup.clone() }).collect()
     }
 
-    /// Adds a lane that goes on from the lane of this number with another method, or with the same.
-    pub fn add_lane(&mut self, method: Option<&str>) {
-        let (Some(setup), Some(draft)) = (self.setups.first().cloned(), self.drafts.get(self.lane)) else {
-            return;
-        };
-        let mut draft = draft.clone();
-        let settings: Vec<_> =
-            method.map(|id| ("simulator.id".to_owned(), format!("{id:?}"))).into_iter().collect();
-        for (key, value) in &settings {
-            if let Err(refusal) = draft.set_key(key, value) {
-                self.message = Some(refusal.to_string());
-                return;
-            }
-        }
-        let title = setup.title.clone();
-        self.drafts.push(draft);
-        self.setups.push(setup);
-        self.order(Order::AddLane { from: self.lane, title, settings });
-        self.lane = self.drafts.len() - 1;
-    }
-
-    /// Removes a lane; the last one stays.
-    pub fn remove_lane(&mut self, lane: usize) {
-        if self.drafts.len() > 1 && lane < self.drafts.len() {
-            self.drafts.remove(lane);
-            self.setups.remove(lane.min(self.setups.len() - 1));
-            self.history.remove_lane(lane);
-            if self.lane >= lane {
-                self.lane = self.lane.saturating_sub(1);
-            }
-            self.order(Order::RemoveLane(lane));
-        }
-    }
-
     /// Whether the scene differs from the file that it came from.
     pub fn is_unsaved(&self) -> bool {
         self.drafts.first() != self.saved.as_ref()
+    }
+
+    /// Whether this is a mesh with the mass, springs and dt that every scene has by default: those of a sheet of 25 m.
+    pub fn is_bare_mesh(&self) -> bool {
+        let (scene, default) = (self.scene(), Scene::default());
+        matches!(scene.target, Target::Mesh(_))
+            && self.file().is_none()
+            && (&scene.mass, &scene.springs, scene.dt) == (&default.mass, &default.springs, default.dt)
     }
 
     /// The scene has been written to a file.
@@ -430,57 +419,5 @@ impl Session {
     /// Where the open scene's meshes are.
     pub fn place(&self) -> Place {
         self.setups.first().map(|setup| setup.place.clone()).unwrap_or_default()
-    }
-
-    /// Takes hold of a particle, and of the selection if it is part of it.
-    pub fn grab(&mut self, particle: u32) {
-        let Some(lane) = self.lane_state().cloned() else { return };
-        let particles: Vec<u32> = if self.selection.contains(&particle) {
-            self.selection.iter().copied().collect()
-        } else {
-            vec![particle]
-        };
-        let place = |p: u32| Some((p, glam::Vec3::from(*lane.positions.get(p as usize)?).as_dvec3()));
-        self.held = particles.iter().filter_map(|&p| place(p)).collect();
-        self.moved = DVec3::ZERO;
-        self.kept += 1;
-        self.order(Order::Keep(self.kept));
-        let Grip { soft, stiffness } = self.grip;
-        let command = if soft { Command::Pull { particles, stiffness } } else { Command::Grab { particles } };
-        self.order(Order::Apply(None, command));
-    }
-
-    /// Moves what is held to this far from where it was taken, m.
-    pub fn drag(&mut self, by: DVec3) {
-        self.moved = by;
-        let to = self.held.iter().map(|(particle, from)| (*particle, *from + by)).collect();
-        self.order(Order::Drag(to));
-    }
-
-    /// The hands of a mouse spring: the particle that each pulls, and where it is, m.
-    pub fn pulling_hands(&self) -> impl Iterator<Item = (u32, DVec3)> + '_ {
-        let soft = self.grip.soft;
-        self.held.iter().filter(move |_| soft).map(|(particle, from)| (*particle, *from + self.moved))
-    }
-
-    /// Lets go. The drag can be taken back: the cloth then hangs as it did before.
-    pub fn release(&mut self) {
-        let particles: Vec<u32> =
-            std::mem::take(&mut self.held).into_iter().map(|(particle, _)| particle).collect();
-        if particles.is_empty() {
-            return;
-        }
-        self.order(Order::Apply(None, Command::Release { particles }));
-        let exchange = vec![Order::Exchange { number: self.kept, otherwise: Vec::new() }];
-        let edit = Edit { label: "drag".to_owned(), lane: None, undo: exchange.clone(), redo: exchange };
-        self.history.push(edit);
-        self.history.seal();
-    }
-
-    /// Lets go, and puts everything back as it was when it was taken.
-    pub fn cancel_drag(&mut self) {
-        if !std::mem::take(&mut self.held).is_empty() {
-            self.order(Order::Exchange { number: self.kept, otherwise: Vec::new() });
-        }
     }
 }

@@ -131,6 +131,8 @@ struct Open<C> {
     gpu: Gpu,
     window: Arc<Window>,
     repaint_at: Option<Instant>,
+    /// When the next picture may be drawn that no key and no mouse asks for.
+    rested_at: Instant,
 }
 
 impl<C: Content, B: FnOnce(&Stage<'_>) -> C> Shell<C, B> {
@@ -176,6 +178,7 @@ impl<C: Content, B: FnOnce(&Stage<'_>) -> C> Shell<C, B> {
             gpu,
             window,
             repaint_at: Some(Instant::now()),
+            rested_at: Instant::now(),
         })
     }
 }
@@ -200,7 +203,7 @@ impl<C: Content, B: FnOnce(&Stage<'_>) -> C> ApplicationHandler<Wake> for Shell<
 
     fn user_event(&mut self, _: &ActiveEventLoop, wake: Wake) {
         if let Some(open) = &mut self.open {
-            open.repaint_by(wake.at);
+            open.repaint_by(wake.at.max(open.rested_at));
         }
     }
 
@@ -264,6 +267,7 @@ impl<C: Content> Open<C> {
 
     fn redraw(&mut self, event_loop: &ActiveEventLoop) {
         self.repaint_at = None;
+        let start = Instant::now();
         let size = self.window.inner_size();
         if size.width == 0 || size.height == 0 {
             return;
@@ -287,6 +291,10 @@ impl<C: Content> Open<C> {
         for id in textures.free.drain() {
             self.painter.free_texture(&id);
         }
+        if self.gpu.software {
+            // The simulation needs the same cores: pictures get half of the time.
+            self.rested_at = Instant::now() + start.elapsed();
+        }
     }
 
     fn run_ui(&mut self, event_loop: &ActiveEventLoop) -> egui::FullOutput {
@@ -300,7 +308,7 @@ impl<C: Content> Open<C> {
         self.egui.handle_platform_output_with_event_loop(&self.window, event_loop, platform);
         if let Some(viewport) = output.viewport_output.remove(&egui::ViewportId::ROOT) {
             if let Some(at) = Instant::now().checked_add(viewport.repaint_delay) {
-                self.repaint_by(at);
+                self.repaint_by(at.max(self.rested_at));
             }
             let mut unused = Vec::new();
             egui_winit::process_viewport_commands(

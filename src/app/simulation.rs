@@ -22,6 +22,10 @@ pub struct Simulation {
 
 /// Pictures of the state at most this often; more would only be copied, never seen.
 const STATE_EVERY: Duration = Duration::from_millis(8);
+/// The same while nothing moves that could be seen: only the numbers change then.
+const STILL_EVERY: Duration = Duration::from_millis(100);
+/// A move that cannot be seen between two states, as a part of the cloth's size: a tenth of a pixel on a large screen.
+const UNSEEN: f32 = 5e-5;
 
 impl Simulation {
     /// Starts the thread; `wake` is called after each new state.
@@ -68,6 +72,7 @@ fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>,
     let mut last = Instant::now();
     let mut told = Instant::now();
     let mut news = true;
+    let mut every = STATE_EVERY;
     let mut waiting = Vec::new();
     loop {
         loop {
@@ -77,20 +82,24 @@ fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>,
                 Err(TryRecvError::Disconnected) => return,
             }
         }
-        news |= !waiting.is_empty();
+        if !waiting.is_empty() {
+            (news, every) = (true, STATE_EVERY);
+        }
         take_all(engine, &mut waiting);
         let now = Instant::now();
         let elapsed = now.duration_since(std::mem::replace(&mut last, now));
         news |= engine.advance(elapsed, || false);
-        if news && told.elapsed() >= STATE_EVERY {
-            let state = Arc::new(engine.state());
-            *outbox.lock().unwrap_or_else(PoisonError::into_inner) = state;
+        if news && told.elapsed() >= every {
+            let mut state = engine.state();
+            let before = Arc::clone(&outbox.lock().unwrap_or_else(PoisonError::into_inner));
+            state.is_still = is_still(&before, &state);
+            every = if state.is_still { STILL_EVERY } else { STATE_EVERY };
+            *outbox.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(state);
             wake();
             told = Instant::now();
             news = false;
         }
-        let idle =
-            if news { STATE_EVERY.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
+        let idle = if news { every.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
         if idle.is_zero() {
             continue;
         }
@@ -100,6 +109,19 @@ fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>,
             Err(RecvTimeoutError::Disconnected) => return,
         }
     }
+}
+
+/// Whether a picture of the one state would look like that of the other.
+fn is_still(before: &State, now: &State) -> bool {
+    before.lanes.len() == now.lanes.len()
+        && before.lanes.iter().zip(&now.lanes).all(|(before, now)| {
+            let size = now.positions.iter().flatten().fold(0.0_f32, |size, x| size.max(x.abs()));
+            let moves =
+                |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).any(|(a, b)| (a - b).abs() > UNSEEN * size);
+            before.geometry.version == now.geometry.version
+                && before.positions.len() == now.positions.len()
+                && !before.positions.iter().zip(now.positions.iter()).any(moves)
+        })
 }
 
 /// Takes the orders that came while a step was taken. A slider's earlier values are needless then: the last one stands.
@@ -156,6 +178,17 @@ mod tests {
         simulation.send(Order::Apply(None, Command::Set { key: "dt".to_owned(), value: "0.01".to_owned() }));
         let state = wait(&simulation, |state| state.orders == simulation.sent());
         assert_eq!(state.lanes[0].scene.dt, 0.01);
+    }
+
+    #[test]
+    fn a_cloth_at_rest_is_told_to_be_still() {
+        // Nothing pulls at it: it lies where it is.
+        let mut simulation = start("(gravity: (enabled: false))");
+        simulation.send(Order::Run(true));
+        wait(&simulation, |state| state.is_still && state.lanes[0].time > 0.1);
+        let gravity = Command::Set { key: "gravity.enabled".to_owned(), value: "true".to_owned() };
+        simulation.send(Order::Apply(None, gravity));
+        wait(&simulation, |state| !state.is_still && state.lanes[0].positions[624][1] < -0.1);
     }
 
     #[test]

@@ -12,6 +12,8 @@ pub fn apply(context: &Context) {
         style.spacing.interact_size.y = 20.0;
         style.spacing.indent = 12.0;
         style.spacing.slider_rail_height = 4.0;
+        // A scroll bar lies beside what is scrolled, not on it.
+        style.spacing.scroll.floating_allocated_width = 8.0;
         style.text_styles = [
             (TextStyle::Heading, FontId::proportional(15.0)),
             (TextStyle::Body, FontId::proportional(13.0)),

@@ -79,6 +79,9 @@ impl Viewport {
         }
         self.pixels_per_point = ui.pixels_per_point();
         let pointer = self.pointer(ui, &response);
+        let tapped = !pointer.left
+            && response.contains_pointer()
+            && ui.input(|input| input.pointer.button_pressed(egui::PointerButton::Primary));
         let size = self.size();
         if size.min_element() < 1.0 {
             return Vec::new();
@@ -86,13 +89,21 @@ impl Viewport {
         let tolerance = PICK_TOLERANCE * self.pixels_per_point;
         let camera = self.camera;
         let target = &target(self.active);
-        let mut intents = self.hands.update(
-            &pointer,
-            &camera,
-            size,
-            |at| picking::nearest(target, &camera, size, at, tolerance),
-            |particle| target.positions.get(particle as usize).map(|&p| Vec3::from(p)),
-        );
+        let mut update = |pointer: &Pointer| {
+            self.hands.update(
+                pointer,
+                &camera,
+                size,
+                |at| picking::nearest(target, &camera, size, at, tolerance),
+                |particle| target.positions.get(particle as usize).map(|&p| Vec3::from(p)),
+            )
+        };
+        let mut intents = Vec::new();
+        if tapped {
+            // Down and up again within one slow picture is a click all the same.
+            intents.extend(update(&Pointer { left: true, ..pointer }));
+        }
+        intents.extend(update(&pointer));
         intents.retain(|intent| {
             match *intent {
                 Intent::Orbit(drag) => self.camera.orbit(drag, size),

@@ -1,12 +1,16 @@
 //! The workbench: panels around the viewport, and what the keys, the menus and the mouse do.
 
-use std::{path::PathBuf, sync::Arc, time::Instant};
+mod drawing;
+mod framing;
+
+use std::{path::PathBuf, sync::Arc};
 
 use egui::{Ui, ViewportCommand};
 use glam::Vec3;
 
+use super::camera::Camera;
 use super::{
-    camera::Bounds,
+    Closer,
     engine::{LaneState, Order, Values},
     files::{Files, Next, Purpose},
     gallery::Gallery,
@@ -14,12 +18,13 @@ use super::{
     panels::{self, Action, Ask, Display},
     picking,
     preferences::Preferences,
-    render::{Cloth, Frame, Ramp, Style, Theme, flag},
+    render::{Cloth, Style, Theme},
     session::Session,
     shell::{Canvas, Content, Stage},
     theme,
-    viewport::{Drawing, Tile, Viewport},
+    viewport::{Drawing, Viewport},
 };
+use framing::Focus;
 
 /// What fills the window.
 pub struct Workbench {
@@ -43,21 +48,16 @@ pub struct Workbench {
     window_title: String,
     /// The next frame looks at the whole cloth.
     focus: Option<Focus>,
+    /// The view before a burst, and the one that shows what is left of the cloth.
+    before_burst: Option<[Camera; 2]>,
     /// Counts what the cloth on the device must follow: new states, selections, blends.
     frame: u64,
     positions: Vec<[f32; 3]>,
     flags: Vec<u32>,
     ground_height: f32,
     is_finished: bool,
-}
-
-/// What the next frame is to look at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Focus {
-    /// A scene that has just been opened.
-    Opened,
-    /// The selection, or the whole cloth.
-    Wanted,
+    /// Closes the window from elsewhere.
+    pub closer: Closer,
 }
 
 impl Workbench {
@@ -83,6 +83,8 @@ impl Workbench {
             device: String::new(),
             window_title: String::new(),
             focus: Some(Focus::Opened),
+            before_burst: None,
+            closer: Closer::default(),
             frame: 0,
             positions: Vec::new(),
             flags: Vec::new(),
@@ -111,6 +113,8 @@ impl Workbench {
         if was_open && self.session.opening().is_none() {
             self.focus = Some(Focus::Opened);
         }
+        self.see_burst();
+        self.is_finished |= self.closer.is_asked();
         self.poll(ui);
         let closes = (self.shows_help || self.shows_gallery) && self.ask.is_none();
         if closes && ui.input_mut(|input| input.consume_key(egui::Modifiers::NONE, egui::Key::Escape)) {
@@ -129,6 +133,7 @@ impl Workbench {
             ui.ctx().request_repaint();
         }
         self.panels_ui(ui);
+        self.display.follow(&self.session.state().lanes);
         self.session.want(match () {
             () if self.by_distance() => Values::Distance,
             () if self.style.surface_values => Values::Strain,
@@ -136,6 +141,9 @@ impl Workbench {
         });
         egui::CentralPanel::no_frame().show(ui, |ui| {
             panels::banner_ui(ui, &mut self.session);
+            if panels::offer_ui(ui, &mut self.session, self.files.is_making_cotton()) {
+                self.files.make_cotton(&self.session);
+            }
             self.viewport_ui(ui);
         });
         self.windows_ui(ui);
@@ -366,7 +374,8 @@ impl Workbench {
         if let Some(rect) = self.viewport.rects().iter().copied().reduce(egui::Rect::union) {
             panels::legend_ui(ui, rect, &self.shown_style(), &self.display);
         }
-        if self.session.state().running && lanes.iter().any(|lane| lane.previous.is_some()) {
+        let state = self.session.state();
+        if state.running && !state.is_still && lanes.iter().any(|lane| lane.previous.is_some()) {
             // Between two states the picture blends.
             ui.ctx().request_repaint();
         }
@@ -386,34 +395,6 @@ impl Workbench {
             let font = egui::FontId::proportional(13.0);
             let at = rect.min + egui::vec2(12.0, 8.0);
             painter.text(at, egui::Align2::LEFT_TOP, text, font, ui.visuals().strong_text_color());
-        }
-    }
-
-    fn look(&mut self, lane: &LaneState) {
-        let size = self.viewport.size();
-        let focus = self.focus.take();
-        let selected: Vec<[f32; 3]> = self
-            .session
-            .selection
-            .iter()
-            .filter(|_| focus == Some(Focus::Wanted))
-            .filter_map(|p| lane.positions.get(*p as usize).copied())
-            .collect();
-        if let Some(bounds) = Bounds::of(&selected) {
-            // Room around, also around a single particle.
-            let room = Vec3::splat((bounds.radius() * 0.3).max(2.0 * mean_length(lane)));
-            let bounds = Bounds { min: bounds.min - room, max: bounds.max + room };
-            self.viewport.camera.focus(&bounds, size);
-        } else if let Some(bounds) = Bounds::of(lane.positions.iter()) {
-            // Cloth falls: below a flat sheet there must be room for it.
-            let fall = ((bounds.max - bounds.min).with_y(0.0).max_element() - (bounds.max.y - bounds.min.y))
-                .max(0.0);
-            let fall = if focus == Some(Focus::Opened) { fall } else { 0.0 };
-            let room = Bounds { min: bounds.min - Vec3::Y * fall * 0.8, max: bounds.max };
-            if focus == Some(Focus::Opened) {
-                self.ground_height = bounds.min.y - fall * 1.1 - bounds.radius() * 0.1;
-            }
-            self.viewport.camera.focus(&room, size);
         }
     }
 
@@ -452,18 +433,6 @@ impl Workbench {
         }
     }
 
-    /// The style as it is drawn: lanes may be coloured by their distance.
-    fn shown_style(&self) -> Style {
-        let mut style = self.style.clone();
-        if self.by_distance() {
-            style.ramp = Ramp::Distance;
-            style.surface_values = true;
-            style.spring_strain = false;
-            style.value_range = self.display.distance_range;
-        }
-        style
-    }
-
     fn title(&mut self, ui: &Ui) {
         let star = if self.session.is_unsaved() { "*" } else { "" };
         let title = format!("{star}{} - Tenter", self.session.title());
@@ -499,64 +468,13 @@ fn section(ui: &mut Ui, name: &str, contents: impl FnOnce(&mut Ui)) {
     ui.add_space(6.0);
 }
 
-fn mean_length(lane: &LaneState) -> f32 {
-    let lengths = &lane.geometry.rest_lengths[0];
-    if lengths.is_empty() { 0.1 } else { lengths.iter().sum::<f32>() / lengths.len() as f32 }
-}
-
 impl Content for Workbench {
     fn ui(&mut self, ui: &mut Ui) {
         Self::ui(self, ui);
     }
 
     fn draw(&mut self, canvas: &mut Canvas<'_>) {
-        let style = self.shown_style();
-        let is_tiled = self.is_tiled();
-        let by_distance = self.by_distance();
-        let Some((drawing, cloths)) = &mut self.drawing else { return };
-        let (device, queue) = (&canvas.gpu.device, &canvas.gpu.queue);
-        let state = self.session.state();
-        while cloths.len() < state.lanes.len() {
-            cloths.push(Cloth::new(device, queue, drawing.renderer()));
-        }
-        cloths.truncate(state.lanes.len());
-        self.frame += 1;
-        let mut bounds: Vec<Option<Bounds>> = Vec::new();
-        for (number, (lane, cloth)) in state.lanes.iter().zip(cloths.iter_mut()).enumerate() {
-            let blended = blend(state.running, state.at, state.beat, lane, &mut self.positions);
-            let positions = if blended { &self.positions } else { lane.positions.as_ref() };
-            self.flags.clone_from(&lane.flags);
-            for particle in &self.session.selection {
-                if let Some(flag) = self.flags.get_mut(*particle as usize) {
-                    *flag |= flag::SELECTED;
-                }
-            }
-            cloth.set_topology(device, queue, drawing.renderer(), &lane.geometry.topology());
-            let kinds = lane.scene.springs.kinds();
-            let frame = Frame {
-                // A still picture uploads nothing: the state's version stands for all that it holds.
-                version: if blended { u64::MAX - self.frame } else { state.version },
-                positions,
-                flags: &self.flags,
-                values: lane.values.as_ref().map(|values| values.as_slice()),
-                enabled: kinds.each_ref().map(|kind| kind.enabled),
-                rest_scale: kinds.each_ref().map(|kind| kind.rest_scale as f32),
-                tint: (state.lanes.len() > 1 && !by_distance).then(|| panels::lane_colour(number)),
-            };
-            cloth.set_frame(device, queue, drawing.renderer(), &frame, &style);
-            bounds.push(Bounds::of(positions.iter()));
-        }
-        let (camera, ground_height) = (&self.viewport.camera, self.ground_height);
-        let count = cloths.len();
-        let rects = self.viewport.rects().iter().enumerate().take(count.max(1));
-        let tiles: Vec<Tile<'_>> = rects
-            .map(|(tile, rect)| {
-                let lanes = if is_tiled { tile..(tile + 1).min(count) } else { 0..count };
-                let bounds = bounds[lanes.clone()].iter().flatten().copied().reduce(|a, b| a.union(&b));
-                Tile { camera, rect: *rect, lanes, ground_height, bounds }
-            })
-            .collect();
-        drawing.draw(canvas, &tiles, cloths, &style);
+        self.draw_lanes(canvas);
     }
 
     fn close_requested(&mut self) -> bool {
@@ -567,24 +485,4 @@ impl Content for Workbench {
     fn is_finished(&self) -> bool {
         self.is_finished
     }
-}
-
-/// Writes the lane's positions between its last two states into `into`; false if the last state is to be shown as it is.
-fn blend(
-    running: bool,
-    at: Instant,
-    beat: std::time::Duration,
-    lane: &LaneState,
-    into: &mut Vec<[f32; 3]>,
-) -> bool {
-    let Some(previous) = lane.previous.as_ref().filter(|_| running && !beat.is_zero()) else { return false };
-    let part = (at.elapsed().as_secs_f32() / beat.as_secs_f32()).min(1.0);
-    into.clear();
-    into.extend(
-        previous
-            .iter()
-            .zip(lane.positions.iter())
-            .map(|(&a, &b)| Vec3::from(a).lerp(Vec3::from(b), part).to_array()),
-    );
-    true
 }

@@ -68,8 +68,16 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Lets Ctrl-C stop long work.
 pub fn catch_interrupt() {
+    on_interrupt(|| {});
+}
+
+/// The same, and does something besides.
+pub fn on_interrupt(act: impl Fn() + Send + 'static) {
     // Only the first handler of a process can be set; any later call finds the same one.
-    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+    let _ = ctrlc::set_handler(move || {
+        INTERRUPTED.store(true, Ordering::Relaxed);
+        act();
+    });
 }
 
 /// Whether Ctrl-C was pressed.

@@ -34,7 +34,7 @@ pub fn workbench(options: &Options) -> Result<Ending, Refusal> {
     let names = if options.scenes.is_empty() { &default[..] } else { &options.scenes };
     let opened = names.iter().map(|name| common.open(name)).collect::<Result<Vec<_>, _>>()?;
     let record = options.record.as_deref().map(Record::new).transpose()?;
-    match window(&opened, record.is_some())? {
+    match window(&opened, common, record.is_some())? {
         Window::Closed(done) => {
             if let (Some(record), Some(done)) = (record, done) {
                 let (recording, place) = *done;
@@ -47,8 +47,11 @@ pub fn workbench(options: &Options) -> Result<Ending, Refusal> {
 }
 
 #[cfg(feature = "app")]
-fn window(scenes: &[Opened], record: bool) -> Result<Window, Refusal> {
-    match crate::app::run(scenes.to_vec()) {
+fn window(scenes: &[Opened], common: &Common, record: bool) -> Result<Window, Refusal> {
+    let closer = crate::app::Closer::default();
+    let close = closer.clone();
+    super::run::on_interrupt(move || close.close());
+    match crate::app::run(scenes.to_vec(), common.threads.map(|threads| threads as usize), closer) {
         // The recording waits for the step under way: nobody else has to.
         Ok(closed) => Ok(Window::Closed(if record { closed.recording().map(Box::new) } else { None })),
         Err(e) if e.is_no_window() => Ok(Window::None(e.to_string())),
@@ -59,7 +62,7 @@ fn window(scenes: &[Opened], record: bool) -> Result<Window, Refusal> {
 // As with a window, where opening one may fail.
 #[allow(clippy::unnecessary_wraps)]
 #[cfg(not(feature = "app"))]
-fn window(_: &[Opened], _: bool) -> Result<Window, Refusal> {
+fn window(_: &[Opened], _: &Common, _: bool) -> Result<Window, Refusal> {
     Ok(Window::None("this build has no window; build it with the feature app for one".to_owned()))
 }
 

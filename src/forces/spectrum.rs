@@ -5,14 +5,18 @@
 //! times k_d. The largest eigenvalue of a combination of M⁻¹K and M⁻¹D is found on the symmetric M^-1/2 (…) M^-1/2 by the
 //! locally optimal conjugate gradients of Knyazev ("Toward the optimal preconditioned eigensolver: LOBPCG", 2001) with a
 //! block of one and no preconditioner: a handful of vectors whatever the number of iterations.
+//!
+//! Where nobody may wait, a spectrum can be asked [`in_parts`](Spectrum::in_parts): what is not found within some iterations
+//! is looked for further when the same is asked again, and a later shape begins where an earlier one ended.
 
 use super::Problem;
 use crate::math::{Real, Vector};
 use crate::model::Particles;
 use glam::DVec3;
+use std::sync::{Mutex, PoisonError};
 
 /// Small motions of a cloth around its current shape, in double precision.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Spectrum {
     /// 1/sqrt(m) of each particle, 0 where it cannot move.
     inverse_root: Vec<f64>,
@@ -23,6 +27,19 @@ pub struct Spectrum {
     spring_damping: f64,
     /// c, kg/s.
     air_damping: f64,
+    /// Where it is asked in parts.
+    parts: Option<Mutex<Parts>>,
+}
+
+/// What is known of the motions that were asked for, and how far the search for the next one has come.
+#[derive(Debug, Default)]
+struct Parts {
+    known: Vec<([f64; 2], Mode)>,
+    current: Option<([f64; 2], Search)>,
+    /// Iterations that may still be taken.
+    left: usize,
+    /// The last motion that was found, where the next search begins.
+    found: Vec<DVec3>,
 }
 
 /// A spring in its current length.
@@ -75,7 +92,34 @@ impl Spectrum {
                 .collect(),
             spring_damping: problem.spring_damping.to_f64(),
             air_damping: problem.air_damping.to_f64(),
+            parts: None,
         }
+    }
+
+    /// From now on [`extreme`](Self::extreme) iterates only as far as [`allow`](Self::allow) lets it, begins where an earlier
+    /// spectrum of the same cloth has ended, and is content with four digits.
+    #[must_use]
+    pub fn in_parts(mut self, earlier: Option<Self>) -> Self {
+        let found = earlier
+            .and_then(|e| e.parts)
+            .map(|parts| parts.into_inner().unwrap_or_else(PoisonError::into_inner));
+        let found = found.map(|parts| parts.found).filter(|found| found.len() == self.inverse_root.len());
+        self.parts = Some(Mutex::new(Parts { found: found.unwrap_or_default(), ..Parts::default() }));
+        self
+    }
+
+    /// Allows this many iterations more.
+    pub fn allow(&self, iterations: usize) {
+        if let Some(parts) = &self.parts {
+            parts.lock().unwrap_or_else(PoisonError::into_inner).left = iterations;
+        }
+    }
+
+    /// Whether everything that was asked for since iterations were last allowed has been found.
+    pub fn is_settled(&self) -> bool {
+        let unsettled =
+            |parts: &Mutex<Parts>| parts.lock().unwrap_or_else(PoisonError::into_inner).current.is_some();
+        !self.parts.as_ref().is_some_and(unsettled)
     }
 
     /// A cloth that is stiffer than this one in any shape: each spring resists with k in every direction, so that K is k
@@ -100,13 +144,61 @@ impl Spectrum {
         if self.inverse_root.iter().all(|w| *w == 0.0) {
             return Mode::default();
         }
-        let mode = top_eigenvector(&self.inverse_root, &|from, to| self.apply(a, b, from, to));
+        let apply = |from: &[DVec3], to: &mut [DVec3]| self.apply(a, b, from, to);
+        let Some(parts) = &self.parts else {
+            let mut search = Search::from(random_vector(&self.inverse_root), &apply);
+            while search.iterations < MOST && !search.iterate(&apply, LEAST, CHANGE) {}
+            return self.mode(&search.x);
+        };
+        let mut parts = parts.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, mode)) = parts.known.iter().find(|(known, _)| *known == [a, b]) {
+            return *mode;
+        }
+        let begun = parts.current.take();
+        if parts.left == 0 && begun.as_ref().is_some_and(|(other, _)| *other != [a, b]) {
+            // Another motion is still being looked for: what is asked now rests on a guess, and will be asked again.
+            parts.current = begun;
+            return Mode::default();
+        }
+        let begun = begun.filter(|(known, _)| *known == [a, b]).map(|(_, search)| search);
+        let mut search = begun.unwrap_or_else(|| Search::from(self.guess(&parts.found), &apply));
+        let mut found = false;
+        while parts.left > 0 && !found {
+            parts.left -= 1;
+            found = search.iterate(&apply, LEAST / 2, COARSE) || search.iterations >= MOST;
+        }
+        let mode = self.mode(&search.x);
+        if found {
+            parts.known.push(([a, b], mode));
+            parts.found = search.x;
+        } else {
+            parts.current = Some(([a, b], search));
+        }
+        mode
+    }
+
+    fn mode(&self, x: &[DVec3]) -> Mode {
         let rayleigh = |a: f64, b: f64| {
-            let mut image = vec![DVec3::ZERO; mode.len()];
-            self.apply(a, b, &mode, &mut image);
-            dot(&mode, &image)
+            let mut image = vec![DVec3::ZERO; x.len()];
+            self.apply(a, b, x, &mut image);
+            dot(x, &image)
         };
         Mode { omega_squared: rayleigh(1.0, 0.0), damping: rayleigh(0.0, 1.0) }
+    }
+
+    /// A unit vector near what was found, with all other motions in it too, so that none is overlooked.
+    fn guess(&self, found: &[DVec3]) -> Vec<DVec3> {
+        /// The part of the others.
+        const OTHERS: f64 = 0.3;
+        let mut guess = random_vector(&self.inverse_root);
+        if found.len() == guess.len() {
+            scale(&mut guess, OTHERS);
+            let fixed = guess.iter_mut().zip(found).zip(&self.inverse_root);
+            fixed.filter(|(_, w)| **w > 0.0).for_each(|((g, f), _)| *g += *f);
+            let length = dot(&guess, &guess).sqrt();
+            scale(&mut guess, 1.0 / length);
+        }
+        guess
     }
 
     /// `to` = M^-1/2 (a K + b D) M^-1/2 `from`.
@@ -137,34 +229,51 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }
 
-/// A unit eigenvector of a symmetric operator for its largest eigenvalue. `mask` is 0 where a particle cannot move. The
-/// start is a fixed pseudo-random vector, so the result is the same every time.
-fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<DVec3> {
-    /// Iterations at most, and at least, and the relative change of the eigenvalue at which they end.
-    const MOST: usize = 100;
-    const LEAST: usize = 12;
-    const CHANGE: f64 = 1e-7;
-    let n = mask.len();
-    let mut x = random_vector(mask);
-    let mut ax = vec![DVec3::ZERO; n];
-    apply(&x, &mut ax);
-    let mut value = dot(&x, &ax);
-    let [mut w, mut aw] = [vec![DVec3::ZERO; n], vec![DVec3::ZERO; n]];
-    // The direction of the last step, with its image; none at first.
-    let mut p: Option<[Vec<DVec3>; 2]> = None;
-    for iteration in 0..MOST {
-        w.iter_mut().zip(x.iter().zip(&ax)).for_each(|(w, (x, ax))| *w = *ax - *x * value);
-        let residual = dot(&w, &w).sqrt();
+/// Iterations at most, and at least, and the relative change of the eigenvalue at which they end.
+const MOST: usize = 100;
+const LEAST: usize = 13;
+const CHANGE: f64 = 1e-7;
+/// The same change where four digits will do.
+const COARSE: f64 = 1e-5;
+
+/// The search for an eigenvector of a symmetric operator for its largest eigenvalue.
+#[derive(Debug)]
+struct Search {
+    /// A unit vector, and its image.
+    x: Vec<DVec3>,
+    ax: Vec<DVec3>,
+    value: f64,
+    /// Its residual, and the image of that.
+    w: Vec<DVec3>,
+    aw: Vec<DVec3>,
+    /// The direction of the last step, with its image; none at first.
+    p: Option<[Vec<DVec3>; 2]>,
+    iterations: usize,
+}
+
+impl Search {
+    fn from(x: Vec<DVec3>, apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Self {
+        let [mut ax, w, aw] = std::array::from_fn(|_| vec![DVec3::ZERO; x.len()]);
+        apply(&x, &mut ax);
+        let value = dot(&x, &ax);
+        Self { x, ax, value, w, aw, p: None, iterations: 0 }
+    }
+
+    /// One iteration; true once `least` of them were taken and the eigenvalue changes by less than `change` of itself.
+    fn iterate(&mut self, apply: &dyn Fn(&[DVec3], &mut [DVec3]), least: usize, change: f64) -> bool {
+        let Self { x, ax, value, w, aw, p, iterations } = self;
+        w.iter_mut().zip(x.iter().zip(ax.iter())).for_each(|(w, (x, ax))| *w = *ax - *x * *value);
+        let residual = dot(w, w).sqrt();
         if residual.is_nan() || residual <= 1e-12 * value.abs() {
-            break;
+            return true;
         }
-        scale(&mut w, 1.0 / residual);
+        scale(w, 1.0 / residual);
         // The residual stands at right angles to x up to rounding, which grows as it shrinks.
-        let along = dot(&w, &x);
-        add(&mut w, &x, -along);
-        apply(&w, &mut aw);
-        if let Some([p, ap]) = &mut p {
-            for (other, image) in [(&x, &ax), (&w, &aw)] {
+        let along = dot(w, x);
+        add(w, x, -along);
+        apply(w, aw);
+        if let Some([p, ap]) = p {
+            for (other, image) in [(&*x, &*ax), (&*w, &*aw)] {
                 let along = dot(p, other);
                 add(p, other, -along);
                 add(ap, image, -along);
@@ -176,35 +285,34 @@ fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<
             }
         }
         // A missing direction gets a value that can never be the largest.
-        let mut ritz = [[value, dot(&x, &aw), 0.0], [0.0, dot(&w, &aw), 0.0], [0.0, 0.0, f64::MIN / 4.0]];
-        if let Some([p, ap]) = &p
+        let mut ritz = [[*value, dot(x, aw), 0.0], [0.0, dot(w, aw), 0.0], [0.0, 0.0, f64::MIN / 4.0]];
+        if let Some([p, ap]) = p
             && dot(p, p) > 0.5
         {
-            (ritz[0][2], ritz[1][2], ritz[2][2]) = (dot(&x, ap), dot(&w, ap), dot(p, ap));
+            (ritz[0][2], ritz[1][2], ritz[2][2]) = (dot(x, ap), dot(w, ap), dot(p, ap));
         }
         for (row, column) in [(1, 0), (2, 0), (2, 1)] {
             ritz[row][column] = ritz[column][row];
         }
         let [cx, cw, cp] = top_of_three(ritz);
-        let [mut step, mut image] = p.take().unwrap_or_else(|| [vec![DVec3::ZERO; n], vec![DVec3::ZERO; n]]);
-        for (direction, (w, p)) in [(&mut step, (&w, cp)), (&mut image, (&aw, cp))] {
-            scale(direction, p);
-            add(direction, w, cw);
+        let [mut step, mut image] =
+            p.take().unwrap_or_else(|| std::array::from_fn(|_| vec![DVec3::ZERO; x.len()]));
+        for (direction, part) in [(&mut step, &*w), (&mut image, &*aw)] {
+            scale(direction, cp);
+            add(direction, part, cw);
         }
-        for (vector, direction) in [(&mut x, &step), (&mut ax, &image)] {
+        for (vector, direction) in [(&mut *x, &step), (&mut *ax, &image)] {
             scale(vector, cx);
             add(vector, direction, 1.0);
         }
-        let length = dot(&x, &x).sqrt();
-        scale(&mut x, 1.0 / length);
-        scale(&mut ax, 1.0 / length);
-        p = Some([step, image]);
-        let before = std::mem::replace(&mut value, dot(&x, &ax));
-        if iteration >= LEAST && (value - before).abs() <= CHANGE * value.abs() {
-            break;
-        }
+        let length = dot(x, x).sqrt();
+        scale(x, 1.0 / length);
+        scale(ax, 1.0 / length);
+        *p = Some([step, image]);
+        *iterations += 1;
+        let before = std::mem::replace(value, dot(x, ax));
+        *iterations >= least && (*value - before).abs() <= change * value.abs()
     }
-    x
 }
 
 /// A fixed unit vector with all frequencies in it, by xorshift64 (Marsaglia, "Xorshift RNGs", 2003).
@@ -253,4 +361,45 @@ fn top_of_three(mut a: [[f64; 3]; 3]) -> [f64; 3] {
     }
     let top = (0..3).max_by(|&i, &j| a[i][i].total_cmp(&a[j][j])).unwrap_or(0);
     [vectors[0][top], vectors[1][top], vectors[2][top]]
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::{Place, Scene};
+    use crate::world::World;
+
+    /// A sheet that hangs.
+    fn world(steps: usize, ron: &str) -> World {
+        let mut world =
+            World::new(Scene::from_ron(ron).expect("a scene"), Place::default()).expect("a world");
+        (0..steps).for_each(|_| world.step());
+        world
+    }
+
+    #[test]
+    fn in_parts_the_same_limit_is_found() {
+        for method in ["explicit_euler", "symplectic_euler", "rk4"] {
+            let mut world = world(0, &format!("(simulator: (id: {method:?}, params: {{}}), dt: 0.002)"));
+            let mut earlier = None;
+            for _ in 0..3 {
+                let exact = world.dt_limit(&world.spectrum()).expect("a limit");
+                let spectrum = world.spectrum().in_parts(earlier);
+                let mut asked = 0;
+                let limit = loop {
+                    spectrum.allow(3);
+                    let limit = world.dt_limit(&spectrum);
+                    asked += 1;
+                    if spectrum.is_settled() {
+                        break limit.expect("a limit");
+                    }
+                    assert!(asked < 400, "{method} comes to no end");
+                };
+                assert!(asked > 1);
+                // Four digits of the eigenvalue, of which the limit is at most proportional to the square root's inverse.
+                assert!((limit / exact - 1.0).abs() < 1e-3, "{method}: {limit} instead of {exact}");
+                earlier = Some(spectrum);
+                (0..200).for_each(|_| world.step());
+            }
+        }
+    }
 }

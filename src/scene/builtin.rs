@@ -65,7 +65,7 @@ pub static ALL: &[Builtin] = &[
     Builtin { name: "skirt", about: "A skirt of 1800 particles, held at the waist.", make: skirt },
     Builtin {
         name: "cape",
-        about: "A cape of quads and triangles, held at the collar, in a breeze.",
+        about: "A cape of quads and triangles, held at collar and shoulders, in a breeze.",
         make: cape,
     },
 ];
@@ -179,8 +179,10 @@ fn skirt() -> Scene {
 }
 
 fn cape() -> Scene {
+    let shoulder = |side: f64| Pin::Nearest(DVec3::new(side * 0.175, -0.299, -0.152));
+    let pins = Pins::of([Pin::Top(0.03), shoulder(1.0), shoulder(-1.0)]);
     Scene {
         wind: Wind { enabled: true, strength: 0.004, frequency: 0.3, direction: DVec3::new(0.2, 0.1, -1.0) },
-        ..garment("asset:cape_mixed.obj", Pins::of([Pin::Top(0.03)]))
+        ..garment("asset:cape_mixed.obj", pins)
     }
 }

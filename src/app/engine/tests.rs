@@ -15,6 +15,10 @@ fn engine(scenes: &[&str]) -> Engine {
     Engine::new(scenes.iter().map(|ron| setup(ron)).collect()).expect("opens")
 }
 
+fn add(title: &str, settings: Vec<(String, String)>) -> Order {
+    Order::AddLane { from: 0, at: usize::MAX, title: title.to_owned(), settings, back: None }
+}
+
 #[test]
 fn two_identical_lanes_stay_equal_while_dragged() {
     let mut engine = engine(&["()", "()"]);
@@ -83,7 +87,7 @@ fn a_burst_pauses_and_going_back_gives_a_good_state() {
 fn a_lane_added_while_time_passes_goes_on_from_the_same_state() {
     let mut engine = engine(&["()"]);
     engine.take(Order::Step(20));
-    engine.take(Order::AddLane { from: 0, title: "same".to_owned(), settings: Vec::new() });
+    engine.take(add("same", Vec::new()));
     engine.take(Order::Apply(None, Command::Grab { particles: vec![300] }));
     for i in 0..10 {
         engine.take(Order::Drag(vec![(300, DVec3::new(0.0, 0.2 * f64::from(i), 1.0))]));
@@ -94,7 +98,7 @@ fn a_lane_added_while_time_passes_goes_on_from_the_same_state() {
     assert_eq!(state.lanes[1].distance, Some([0.0, 0.0]));
     assert_eq!(state.lanes[0].time, state.lanes[1].time);
     let settings = vec![("simulator.id".to_owned(), "\"verlet\"".to_owned())];
-    engine.take(Order::AddLane { from: 0, title: "other".to_owned(), settings });
+    engine.take(add("other", settings));
     engine.take(Order::Step(10));
     let state = engine.state();
     assert!(state.lanes[2].distance.is_some_and(|[rms, _]| rms > 0.0));
@@ -161,4 +165,23 @@ fn going_back_keeps_what_was_set_since() {
     let state = engine.state();
     assert_eq!(state.lanes[0].scene.dt, 0.01);
     assert!((state.lanes[0].time - 1.0).abs() < 0.11, "{}", state.lanes[0].time);
+}
+
+#[test]
+fn a_large_cloth_has_its_limit_too_found_in_parts() {
+    let mut engine = engine(&["(target: Grid(columns: 150, rows: 150, spacing: 1.0, plane: Horizontal))"]);
+    let exact = engine.lanes[0].world.dt_limit(&engine.lanes[0].world.spectrum()).expect("a limit");
+    assert_eq!(engine.state().lanes[0].limit, Limit::Unknown, "nobody waits for it");
+    let mut states = 0;
+    while engine.state().lanes[0].limit == Limit::Unknown {
+        states += 1;
+        assert!(states < 10_000, "it is never found");
+        engine.limit_at = Instant::now();
+    }
+    let limit = engine.state().lanes[0].limit.dt().expect("a limit");
+    assert!((limit / exact - 1.0).abs() < 1e-3, "{limit} instead of {exact}");
+    let key = "simulator.id".to_owned();
+    engine.take(Order::Apply(None, Command::Set { key, value: "\"rk4\"".to_owned() }));
+    engine.limit_at = Instant::now() + Duration::from_secs(60);
+    assert_eq!(engine.state().lanes[0].limit, Limit::Unknown, "another method has another limit");
 }

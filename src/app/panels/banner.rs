@@ -5,7 +5,7 @@ use egui::{Color32, Frame, RichText, Ui};
 use super::health::three;
 use crate::{
     app::{
-        engine::{LaneState, Order},
+        engine::{LaneState, Limit, Order},
         session::Session,
     },
     params::Short,
@@ -61,9 +61,35 @@ pub fn banner_ui(ui: &mut Ui, session: &mut Session) {
     });
 }
 
+/// What a mesh without a scene is taken for, and the offer to make it cloth; true if that is wanted.
+pub fn offer_ui(ui: &mut Ui, session: &mut Session, busy: bool) -> bool {
+    if session.keeps_defaults || !session.is_bare_mesh() {
+        return false;
+    }
+    let fill =
+        if ui.visuals().dark_mode { Color32::from_rgb(30, 46, 70) } else { Color32::from_rgb(218, 232, 250) };
+    let mut wanted = false;
+    egui::Panel::top("offer").frame(Frame::new().fill(fill).inner_margin(8)).show(ui, |ui| {
+        let text = "This mesh has the mass, springs and dt of the 25 m sheet, as every scene has by default.";
+        ui.label(RichText::new(text).strong());
+        ui.horizontal_wrapped(|ui| {
+            let cotton = ui.add_enabled(!busy, egui::Button::new("Make it light cotton"));
+            let tip = "0.2 kg/m², stretch 50 N/m, shear 10 N/m, bend 0.5 N/m, little damping, a dt that holds: for a garment in metres";
+            wanted = cotton.on_hover_text(tip).clicked();
+            if ui.button("Keep these values").on_hover_text("Everything can be set on the left").clicked() {
+                session.keeps_defaults = true;
+            }
+            if busy {
+                ui.spinner();
+            }
+        });
+    });
+    wanted
+}
+
 /// The step that would have held, to two digits.
 fn safe_step(lane: &LaneState) -> Option<f64> {
-    let safe = SAFE * lane.dt_limit.filter(|limit| *limit > 0.0 && limit.is_finite())?;
+    let safe = SAFE * lane.limit.dt()?;
     let digit = 10_f64.powf(safe.log10().floor() - 1.0);
     // Through text, or 0.012 would read 0.012000000000000002.
     format!("{:.1e}", (safe / digit).floor() * digit).parse().ok()
@@ -73,24 +99,28 @@ fn safe_step(lane: &LaneState) -> Option<f64> {
 fn cause(lane: &LaneState) -> String {
     let dt = lane.scene.dt;
     let method = super::simulation::title(&lane.scene.simulator.id);
-    match lane.dt_limit {
-        Some(limit) if limit <= 0.0 => {
+    match lane.limit {
+        Limit::At(limit) if limit <= 0.0 => {
             format!("{method} is stable at no step here: choose another method, or more damping.")
         }
-        Some(limit) if dt > limit => format!(
+        Limit::At(limit) if dt > limit => format!(
             "dt {} s is {:.2} x the stability limit {} s of {method} in this shape: stiffer springs or lighter particles ask for shorter steps.",
             Short(dt),
             dt / limit,
             three(limit)
         ),
-        Some(limit) => format!(
+        Limit::At(limit) => format!(
             "dt {} s is {:.2} x the stability limit {} s: a sudden pull, or springs far from their length (largest strain {:.0} %), ask for shorter steps than theory does for small motions.",
             Short(dt),
             dt / limit,
             three(limit),
             100.0 * lane.measures.max_strain
         ),
-        None => format!(
+        Limit::Unknown => format!(
+            "The stability limit of {method} in this shape is still being computed (largest strain {:.0} %).",
+            100.0 * lane.measures.max_strain
+        ),
+        Limit::None => format!(
             "{method} has no stability limit in theory: a sudden pull or very strong forces (largest strain {:.0} %) are the likely cause.",
             100.0 * lane.measures.max_strain
         ),

@@ -171,6 +171,8 @@ pub fn gallery_ui(ctx: &Context, is_open: &mut bool, gallery: &Gallery) -> Optio
         .resizable(false)
         .anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0))
         .show(ctx, |ui| {
+            // Known before the first layout, which would else be drawn too narrow.
+            ui.set_min_width(4.0 * width + 3.0 * 12.0);
             egui::Grid::new("gallery").spacing([12.0, 10.0]).show(ui, |ui| {
                 for (i, scene) in builtin::ALL.iter().enumerate() {
                     if card_ui(ui, scene, gallery, vec2(width, height)) {

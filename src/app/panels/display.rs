@@ -2,7 +2,12 @@
 
 use egui::{Align2, Color32, FontId, Rect, Slider, Ui, WidgetInfo, pos2, vec2};
 
-use crate::app::render::{Ramp, Style, Theme};
+use std::sync::Arc;
+
+use crate::app::{
+    engine::LaneState,
+    render::{Ramp, Style, Theme},
+};
 
 /// What is shown besides the style: how lanes lie, and whether their distance colours them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,11 +18,29 @@ pub struct Display {
     pub distance: bool,
     /// Distance that gets the last colour of the ramp, m.
     pub distance_range: f32,
+    /// That is the largest distance that there is, rounded up.
+    pub range_follows: bool,
+}
+
+impl Display {
+    /// Lets the range follow the distances of the lanes.
+    pub fn follow(&mut self, lanes: &[Arc<LaneState>]) {
+        let largest = lanes.iter().filter_map(|lane| lane.distance).map(|[_, most]| most).fold(0.0, f64::max);
+        if self.range_follows && largest > 0.0 && largest.is_finite() {
+            self.distance_range = round_up(largest) as f32;
+        }
+    }
+}
+
+/// The next of 1, 2 and 5 times a power of ten: a range that changed with every picture would make the colours flicker.
+fn round_up(value: f64) -> f64 {
+    let power = 10_f64.powf(value.log10().floor());
+    [1.0, 2.0, 5.0].into_iter().map(|digit| digit * power).find(|step| *step >= value).unwrap_or(10.0 * power)
 }
 
 impl Default for Display {
     fn default() -> Self {
-        Self { overlaid: false, distance: false, distance_range: 1.0 }
+        Self { overlaid: false, distance: false, distance_range: 1.0, range_follows: true }
     }
 }
 
@@ -66,6 +89,10 @@ pub fn display_ui(ui: &mut Ui, style: &mut Style, display: &mut Display, lanes: 
         ui.checkbox(&mut display.distance, "Surface by distance")
             .on_hover_text("Distance of every particle from the reference lane");
         ui.add_enabled_ui(display.distance, |ui| {
+            ui.checkbox(&mut display.range_follows, "Range follows the largest")
+                .on_hover_text("The largest distance that there is, rounded up, gets the last colour");
+        });
+        ui.add_enabled_ui(display.distance && !display.range_follows, |ui| {
             let tip = "Distance that gets the last colour of the ramp, m";
             slider(ui, "Distance range", &mut display.distance_range, 1e-6..=100.0, tip);
         });
@@ -151,12 +178,27 @@ pub fn legend_ui(ui: &Ui, viewport: Rect, style: &Style, display: &Display) {
         let name = "distance from the reference lane".to_owned();
         text(rect.center_top() - vec2(0.0, 4.0), Align2::CENTER_BOTTOM, name);
         text(pos2(rect.left(), below), Align2::LEFT_TOP, "0".to_owned());
-        text(pos2(rect.right(), below), Align2::RIGHT_TOP, format!("{} m", display.distance_range));
+        text(
+            pos2(rect.right(), below),
+            Align2::RIGHT_TOP,
+            format!("{} m", crate::params::Short(f64::from(display.distance_range))),
+        );
     } else {
         let percent = |value: f32| format!("{:+.1} %", value * 100.0);
         text(rect.center_top() - vec2(0.0, 4.0), Align2::CENTER_BOTTOM, "strain".to_owned());
         text(pos2(rect.left(), below), Align2::LEFT_TOP, percent(-style.value_range));
         text(pos2(rect.center().x, below), Align2::CENTER_TOP, "0".to_owned());
         text(pos2(rect.right(), below), Align2::RIGHT_TOP, percent(style.value_range));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_range_is_rounded_up() {
+        for (value, expected) in [(0.0123, 0.02), (0.3, 0.5), (1.0, 1.0), (7.0, 10.0), (2.1e-9, 5e-9)] {
+            let range = super::round_up(value);
+            assert!((range / expected - 1.0).abs() < 1e-12, "{value}: {range}");
+        }
     }
 }

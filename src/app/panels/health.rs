@@ -1,9 +1,13 @@
 //! Whether the simulation can be trusted: dt against its limit, energies and strain over time, cost against real time.
 
 use egui::{Color32, RichText, Ui, WidgetInfo};
-use egui_plot::{Line, Plot, PlotPoints};
+use egui_plot::{AxisHints, Line, Plot, PlotPoints};
 
-use crate::app::{engine::LaneState, session::Session, trace::Sample};
+use crate::app::{
+    engine::{LaneState, Limit},
+    session::Session,
+    trace::Sample,
+};
 
 const KINETIC: Color32 = Color32::from_rgb(86, 160, 240);
 const GRAVITATIONAL: Color32 = Color32::from_rgb(150, 120, 220);
@@ -78,8 +82,12 @@ fn plot(ui: &mut Ui, name: &str, samples: &[&Sample], series: &[Series]) {
     let shown = Plot::new(name)
         .height(96.0)
         .show_axes([true, true])
-        .y_axis_min_width(38.0)
-        .y_axis_formatter(|mark, _| short(mark.value))
+        .custom_y_axes(vec![
+            AxisHints::new_y()
+                .min_thickness(38.0)
+                .label_spacing(egui::Rangef::new(12.0, 24.0))
+                .formatter(|mark, _| short(mark.value)),
+        ])
         .x_axis_formatter(|mark, _| format!("{} s", crate::params::Short(mark.value)))
         .allow_drag(false)
         .allow_zoom(false)
@@ -121,16 +129,17 @@ fn bar(ui: &mut Ui, name: &str, part: f32, text: String, tip: &str) {
 fn gauge(ui: &mut Ui, lane: &LaneState) {
     let dt = lane.scene.dt;
     let tip = "Largest stable dt in theory, for small motions around the current shape";
-    let (part, text) = match lane.dt_limit {
-        None => (0.0, format!("dt {dt} s: this method has no stability limit")),
-        Some(limit) if limit > 0.0 => {
+    let (part, text) = match lane.limit {
+        Limit::Unknown => (0.0, format!("dt {dt} s: the stability limit is being computed")),
+        Limit::None => (0.0, format!("dt {dt} s: no stability limit; a longer dt costs less")),
+        Limit::At(limit) if limit > 0.0 => {
             let part = dt / limit;
             (
                 part as f32,
                 format!("dt {dt} s is {:.0} % of the stability limit {} s", 100.0 * part, three(limit)),
             )
         }
-        Some(_) => (f32::INFINITY, format!("dt {dt} s: this method is stable at no dt here")),
+        Limit::At(_) => (f32::INFINITY, format!("dt {dt} s: this method is stable at no dt here")),
     };
     bar(ui, "dt against the stability limit", part, text, tip);
 }

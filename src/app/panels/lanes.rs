@@ -113,9 +113,7 @@ fn row_ui(ui: &mut Ui, session: &mut Session, reference: usize, number: usize, l
         session.order(Order::Reference(number));
     }
     ui.monospace(format!("{:8.4}", lane.cost));
-    ui.monospace(
-        lane.dt_limit.filter(|l| *l > 0.0).map_or("-".to_owned(), |l| format!("{:.2}", lane.scene.dt / l)),
-    );
+    ui.monospace(lane.limit.dt().map_or("-".to_owned(), |l| format!("{:.2}", lane.scene.dt / l)));
     ui.monospace(format!("{:7.2}", 100.0 * lane.measures.max_strain));
     ui.monospace(format!("{:11.4e}", lane.measures.energy.total()));
     let [rms, most] =

@@ -13,7 +13,7 @@ mod status;
 mod target;
 mod transport;
 
-pub use banner::banner_ui;
+pub use banner::{banner_ui, offer_ui};
 pub use dialogs::{Ask, dialog_ui, gallery_ui, help_ui};
 pub use display::{Display, display_ui, legend_ui};
 pub use health::health_ui;

@@ -33,7 +33,8 @@ pub fn simulation_ui(ui: &mut Ui, session: &mut Session) {
     }
     let hide = |key: &str| {
         let elsewhere = ["target", "pins", "mass", "simulator", "precision", "dt"];
-        elsewhere.contains(&key) || (ignores_stiffness && key.ends_with(".stiffness"))
+        let of_springs = key == "springs.damping" || key.ends_with(".stiffness");
+        elsewhere.contains(&key) || (ignores_stiffness && of_springs)
     };
     let shared = params_ui(ui, "", &hide, |visitor| scene.visit(visitor));
     send(session, None, shared);
@@ -84,6 +85,7 @@ fn method_ui(ui: &mut Ui, session: &Session) -> Changes {
         ui.label(RichText::new("Method").strong());
         let combo = egui::ComboBox::from_id_salt("method")
             .width(180.0)
+            .height(480.0)
             .selected_text(title(&current))
             .show_ui(ui, |ui| {
                 for entry in simulators::ALL {

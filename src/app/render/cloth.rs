@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::{
     Frame, Renderer, Style, Topology,
     buffer::Buffer,
-    lines::{KINDS, LineSet},
+    lines::{EDGES, KINDS, LineSet},
     normals::triangles_around,
     pipeline::Layouts,
     style::rgba,
@@ -20,7 +20,8 @@ struct Uniform {
     pinned: [f32; 4],
     grabbed: [f32; 4],
     selected: [f32; 4],
-    lines: [[f32; 4]; KINDS],
+    /// By kind, then the edges of the faces.
+    lines: [[f32; 4]; KINDS + 1],
     ramp: [[f32; 4]; 8],
     sizes: [f32; 4],
     rest_scale: [f32; 4],
@@ -51,7 +52,8 @@ pub struct Cloth {
     frame_version: Option<u64>,
     shown_uniform: Option<Uniform>,
     shown_flags: Vec<u32>,
-    spacing: f32,
+    /// Mean length of an edge at rest, m.
+    pub(super) spacing: f32,
     uploaded: u64,
 }
 
@@ -127,7 +129,6 @@ impl Cloth {
         for (set, springs) in self.lines.iter_mut().zip(topology.springs) {
             set.set(device, queue, layouts, (springs.pairs, springs.rest_lengths), uploaded);
         }
-        self.lines[KINDS - 1].set(device, queue, layouts, (topology.edges, &[]), uploaded);
         self.triangle_count = topology.triangles.len() as u32;
         self.particle_count = topology.particles;
         let rest = topology.springs.iter().map(|s| s.rest_lengths).find(|rest| !rest.is_empty());
@@ -225,6 +226,11 @@ impl Cloth {
         }
     }
 
+    /// What is drawn of it now: other versions, another shape.
+    pub(super) fn versions(&self) -> [Option<u64>; 2] {
+        [self.topology_version, self.frame_version]
+    }
+
     /// Every n-th free particle is drawn.
     pub(super) fn particle_stride(&self, style: &Style) -> u32 {
         self.particle_count.div_ceil(style.particle_limit.max(1)).max(1)
@@ -232,7 +238,7 @@ impl Cloth {
 
     /// Every n-th line of a kind is drawn; edges are never thinned, they fade with their size on the screen.
     pub(super) fn line_stride(&self, kind: usize, style: &Style) -> u32 {
-        if kind == KINDS - 1 {
+        if kind == EDGES {
             return 1;
         }
         self.lines[kind].count.div_ceil(style.spring_limit.max(1)).max(1)

@@ -1,14 +1,19 @@
 //! Springs by kind and the faces' edges: one draw call a kind, two triangles a line made by the vertex shader.
 
 use super::{
-    Cloth, Style,
+    Cloth, Style, View,
     buffer::Buffer,
     pipeline::{Layouts, Recipe, Target, build, shader},
 };
 
-/// Stretch, shear, bend and the edges of the faces.
-pub(super) const KINDS: usize = 4;
-const EDGES: usize = 3;
+/// Stretch, shear, bend.
+pub(super) const KINDS: usize = 3;
+/// The edges of the faces, which are the stretch springs in another colour.
+pub(super) const EDGES: usize = 3;
+const STRETCH: usize = 0;
+/// Pixels at which the shader lets edges fade away, and how much longer than the mean one at rest an edge may be.
+const FADED: f32 = 6.0;
+const STRETCHED: f32 = 4.0;
 
 pub(super) struct Lines {
     pipeline: wgpu::RenderPipeline,
@@ -30,19 +35,23 @@ impl Lines {
         Self { pipeline: build(device, target, &recipe) }
     }
 
-    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, cloth: &Cloth, style: &Style) {
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, view: &View, cloth: &Cloth, style: &Style) {
         pass.set_pipeline(&self.pipeline);
         for (kind, set) in cloth.lines.iter().enumerate() {
-            let shown = if kind == EDGES {
-                style.edges && style.surface
-            } else {
-                style.springs[kind] && cloth.enabled[kind]
-            };
             let count = set.count / cloth.line_stride(kind, style);
-            if shown && count > 0 {
+            if style.springs[kind] && cloth.enabled[kind] && count > 0 {
                 pass.set_bind_group(2, &set.bind_group, &[]);
                 pass.draw(0..6 * count, 0..1);
             }
+        }
+        // The shader fades edges of few pixels away: where even stretched ones are, none is drawn at all.
+        let seen = STRETCHED * cloth.spacing * view.pixels_per_metre > FADED;
+        let set = &cloth.lines[STRETCH];
+        if let Some(edges) =
+            set.edges_group.as_ref().filter(|_| style.edges && style.surface && seen && set.count > 0)
+        {
+            pass.set_bind_group(2, edges, &[]);
+            pass.draw(0..6 * set.count, 0..1);
         }
     }
 }
@@ -53,19 +62,27 @@ pub(super) struct LineSet {
     pairs: Buffer,
     rest: Buffer,
     bind_group: wgpu::BindGroup,
+    /// The same lines as edges, where they are.
+    edges: Option<Buffer>,
+    edges_group: Option<wgpu::BindGroup>,
     pub(super) count: u32,
 }
 
 impl LineSet {
     pub(super) fn new(device: &wgpu::Device, queue: &wgpu::Queue, layouts: &Layouts, kind: usize) -> Self {
-        let mut index = Buffer::new(device, "line kind", wgpu::BufferUsages::UNIFORM);
-        let mut once = 0;
-        // A uniform with a vec3 in it is 32 bytes long.
-        index.set(device, queue, &[kind as u32, 0, 0, 0, 0, 0, 0, 0], &mut once);
+        let index_of = |kind: usize| {
+            let mut index = Buffer::new(device, "line kind", wgpu::BufferUsages::UNIFORM);
+            // A uniform with a vec3 in it is 32 bytes long.
+            index.set(device, queue, &[kind as u32, 0, 0, 0, 0, 0, 0, 0], &mut 0);
+            index
+        };
+        let index = index_of(kind);
+        let edges = (kind == STRETCH).then(|| index_of(EDGES));
         let pairs = Buffer::new(device, "line pairs", wgpu::BufferUsages::STORAGE);
         let rest = Buffer::new(device, "rest lengths", wgpu::BufferUsages::STORAGE);
-        let bind_group = bind(device, layouts, &index, &pairs, &rest);
-        Self { kind: index, pairs, rest, bind_group, count: 0 }
+        let group = |index: &Buffer| bind(device, layouts, index, &pairs, &rest);
+        let (bind_group, edges_group) = (group(&index), edges.as_ref().map(group));
+        Self { kind: index, pairs, rest, bind_group, edges, edges_group, count: 0 }
     }
 
     pub(super) fn set(
@@ -79,7 +96,8 @@ impl LineSet {
         let new_pairs = self.pairs.set(device, queue, pairs, uploaded);
         let new_rest = self.rest.set(device, queue, rest_lengths, uploaded);
         if new_pairs || new_rest {
-            self.bind_group = bind(device, layouts, &self.kind, &self.pairs, &self.rest);
+            let group = |index: &Buffer| bind(device, layouts, index, &self.pairs, &self.rest);
+            (self.bind_group, self.edges_group) = (group(&self.kind), self.edges.as_ref().map(group));
         }
         self.count = pairs.len() as u32;
     }

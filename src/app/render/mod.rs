@@ -47,9 +47,7 @@ pub struct Topology<'a> {
     pub particles: u32,
     /// The surface, counter-clockwise as seen from its front.
     pub triangles: &'a [[u32; 3]],
-    /// Edges of the faces, without the diagonals inside of quads.
-    pub edges: &'a [[u32; 2]],
-    /// Springs by kind: stretch, shear, bend.
+    /// Springs by kind: stretch, which are the edges of the faces; shear; bend.
     pub springs: [Springs<'a>; 3],
 }
 
@@ -103,15 +101,17 @@ impl Renderer {
     pub fn prepare(
         &self,
         encoder: &mut wgpu::CommandEncoder,
-        view: &View,
+        view: &mut View,
         cloths: &mut [Cloth],
         style: &Style,
     ) {
         for cloth in cloths.iter_mut() {
             self.normals.compute(encoder, cloth);
         }
-        if style.shadow && style.ground {
+        let thrown = Some((view.shadow(), cloths.iter().map(Cloth::versions).collect()));
+        if style.shadow && style.ground && view.shadow_of != thrown {
             self.shadow.draw(encoder, view, cloths.iter());
+            view.shadow_of = thrown;
         }
     }
 
@@ -124,7 +124,7 @@ impl Renderer {
             if style.surface {
                 self.surface.draw(pass, cloth);
             }
-            self.lines.draw(pass, cloth, style);
+            self.lines.draw(pass, view, cloth, style);
             self.spheres.draw(pass, cloth, style);
         }
         // Last: it is see-through.

@@ -45,6 +45,10 @@ pub struct View {
     pub(super) shadow_map: wgpu::TextureView,
     pub(super) shadow_group: wgpu::BindGroup,
     shown: Option<Uniform>,
+    /// Pixels that a metre covers where the cloths are nearest.
+    pub(super) pixels_per_metre: f32,
+    /// What the shadow map holds: where it lies, and the versions of the cloths that throw it.
+    pub(super) shadow_of: Option<([f32; 4], Vec<[Option<u64>; 2]>)>,
     uploaded: u64,
 }
 
@@ -87,12 +91,22 @@ impl View {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
             ],
         });
-        Self { uniform, bind_group, shadow_map, shadow_group, shown: None, uploaded: 0 }
+        Self {
+            uniform,
+            bind_group,
+            shadow_map,
+            shadow_group,
+            shown: None,
+            pixels_per_metre: f32::INFINITY,
+            shadow_of: None,
+            uploaded: 0,
+        }
     }
 
     /// Uploads the look if it is another one than last time.
     pub fn set(&mut self, queue: &wgpu::Queue, look: &Look<'_>, style: &Style) {
         let content = uniform(look, style);
+        self.pixels_per_metre = pixels_per_metre(look);
         if self.shown != Some(content) {
             queue.write_buffer(&self.uniform.inner, 0, bytemuck::bytes_of(&content));
             self.uploaded += size_of::<Uniform>() as u64;
@@ -100,10 +114,27 @@ impl View {
         }
     }
 
+    /// Where the shadow map lies.
+    pub(super) fn shadow(&self) -> [f32; 4] {
+        self.shown.map_or([0.0; 4], |content| content.shadow)
+    }
+
     /// Bytes uploaded since the last call.
     pub fn take_uploaded(&mut self) -> u64 {
         std::mem::take(&mut self.uploaded)
     }
+}
+
+fn pixels_per_metre(look: &Look<'_>) -> f32 {
+    let camera = look.camera;
+    let nearest = match (camera.projection, look.bounds) {
+        (Projection::Orthographic, _) => camera.distance,
+        (Projection::Perspective, None) => 0.0,
+        (Projection::Perspective, Some(bounds)) => {
+            (bounds.centre() - camera.eye()).dot(camera.axes()[2]) - bounds.radius()
+        }
+    };
+    look.size.y / (2.0 * camera.half_height() * (nearest / camera.distance).max(1e-6))
 }
 
 fn uniform(look: &Look<'_>, style: &Style) -> Uniform {

@@ -1,0 +1,89 @@
+//! Where the camera looks by itself: at a scene that opens, at what is asked for, at what a burst has left.
+
+use glam::Vec3;
+
+use super::{LaneState, Workbench};
+use crate::app::{
+    camera::{Bounds, Camera},
+    picture,
+};
+
+/// What the next frame is to look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Focus {
+    /// A scene that has just been opened.
+    Opened,
+    /// The selection, or the whole cloth.
+    Wanted,
+    /// Most of a cloth that has burst.
+    Burst,
+}
+
+impl Workbench {
+    /// Looks at what a burst has left, and back to where one looked from once that is mended.
+    pub(super) fn see_burst(&mut self) {
+        let has_burst = self.session.state().lanes.iter().any(|lane| lane.health.is_diverged());
+        match self.before_burst {
+            None if has_burst => {
+                let now = self.viewport.camera;
+                self.before_burst = Some([now; 2]);
+                self.focus = self.focus.or(Some(Focus::Burst));
+            }
+            Some([before, shown]) if !has_burst => {
+                self.before_burst = None;
+                // Whoever has turned the view himself keeps it.
+                if self.viewport.camera == shown && self.focus != Some(Focus::Opened) {
+                    self.viewport.camera = before;
+                }
+            }
+            _ => {}
+        }
+    }
+
+    pub(super) fn look(&mut self, lane: &LaneState) {
+        let size = self.viewport.size();
+        let focus = self.focus.take();
+        if focus == Some(Focus::Burst) {
+            if let Some(bounds) = Bounds::of_most(&lane.positions) {
+                self.viewport.camera.focus(&bounds, size);
+            }
+            if let Some([_, shown]) = &mut self.before_burst {
+                *shown = self.viewport.camera;
+            }
+            return;
+        }
+        if focus == Some(Focus::Opened) {
+            let usual = Camera { projection: self.viewport.camera.projection, ..Camera::default() };
+            let yaw = picture::telling_yaw(usual, &lane.positions, &lane.geometry.triangles);
+            self.viewport.camera = Camera { yaw, ..usual };
+        }
+        let selected: Vec<[f32; 3]> = self
+            .session
+            .selection
+            .iter()
+            .filter(|_| focus == Some(Focus::Wanted))
+            .filter_map(|p| lane.positions.get(*p as usize).copied())
+            .collect();
+        if let Some(bounds) = Bounds::of(&selected) {
+            // Room around, also around a single particle.
+            let room = Vec3::splat((bounds.radius() * 0.3).max(2.0 * mean_length(lane)));
+            let bounds = Bounds { min: bounds.min - room, max: bounds.max + room };
+            self.viewport.camera.focus(&bounds, size);
+        } else if let Some(bounds) = Bounds::of(lane.positions.iter()) {
+            // Cloth falls: below a flat sheet there must be room for it.
+            let fall = ((bounds.max - bounds.min).with_y(0.0).max_element() - (bounds.max.y - bounds.min.y))
+                .max(0.0);
+            let fall = if focus == Some(Focus::Opened) { fall } else { 0.0 };
+            let room = Bounds { min: bounds.min - Vec3::Y * fall * 0.8, max: bounds.max };
+            if focus == Some(Focus::Opened) {
+                self.ground_height = bounds.min.y - fall * 1.1 - bounds.radius() * 0.1;
+            }
+            self.viewport.camera.focus(&room, size);
+        }
+    }
+}
+
+fn mean_length(lane: &LaneState) -> f32 {
+    let lengths = &lane.geometry.rest_lengths[0];
+    if lengths.is_empty() { 0.1 } else { lengths.iter().sum::<f32>() / lengths.len() as f32 }
+}
