@@ -217,6 +217,14 @@ impl Journal {
             .collect()
     }
 
+    /// What the parts of a stage gave that are done so far, in the order of their descriptions.
+    pub fn results<R: DeserializeOwned>(&self, stage: &str) -> Vec<R> {
+        let start = format!("{{{}:", Value::from(stage));
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let stage = known.range(start.clone()..).take_while(|(key, _)| key.starts_with(&start));
+        stage.filter_map(|(_, result)| serde_json::from_value(result.clone()).ok()).collect()
+    }
+
     /// Whether [`each`](Self::each) would run a part itself: it is not known, and not another shard's.
     pub fn wants<T: Serialize>(&self, stage: &str, part: &T) -> bool {
         let key = serde_json::json!({ stage: part }).to_string();

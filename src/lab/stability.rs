@@ -79,6 +79,8 @@ pub struct Boundary {
     pub diverged_from: Option<f64>,
     /// Along dt: the theoretical limit in the case's shape, s.
     pub theory: Option<f64>,
+    /// Along dt: below this it is stable in any shape, s.
+    pub guaranteed: Option<f64>,
 }
 
 /// The whole study.
@@ -374,14 +376,15 @@ fn walk(case: &Case, line: &Line, progress: Progress) -> Result<(Vec<Cell>, Boun
         Some(factor) => Scene { dt: value, ..line.axis.with(&own, own_value * factor) },
         None => line.axis.with(&own, value),
     };
-    let limit = |scene: &Scene| -> Result<Option<f64>, Stop> {
+    let limits = |scene: &Scene| -> Result<[Option<f64>; 2], Stop> {
         let (problem, state) = case.start().problem(scene)?;
-        Ok(trade::theory(&settings, &Spectrum::of(&problem, &state))?)
+        let theory = trade::theory(&settings, &Spectrum::of(&problem, &state))?;
+        Ok([theory, trade::theory(&settings, &Spectrum::stiffest(&problem))?])
     };
     // Where to look: around the limit in theory, or the scene's own value.
-    let theory = match line.factor {
-        Some(_) => limit(&scene_at(own.dt))?,
-        None => None,
+    let [theory, guaranteed] = match line.factor {
+        Some(_) => limits(&scene_at(own.dt))?,
+        None => [None, None],
     };
     let centre = match line.factor {
         Some(_) => theory.filter(|dt| *dt > 0.0).unwrap_or(own.dt.max(1e-6)),
@@ -416,6 +419,7 @@ fn walk(case: &Case, line: &Line, progress: Progress) -> Result<(Vec<Cell>, Boun
         quiet_until,
         diverged_from,
         theory,
+        guaranteed,
     };
     Ok((cells.collect(), boundary))
 }

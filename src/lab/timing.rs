@@ -43,6 +43,8 @@ impl Machine {
     }
 }
 
+/// The stage in which time is measured: nothing else should use the machine then.
+pub const STAGE: &str = "time";
 /// Rounds that count; one more before them warms caches and branch predictors.
 pub const ROUNDS: usize = 5;
 /// Computing that a round of one setting takes, s: long against the clock's resolution, short against a user's patience.
@@ -63,7 +65,7 @@ pub fn measure(case: &Case, settings: &[Settings], progress: Progress) -> Result
 /// # Errors
 /// Those of [`measure`].
 pub fn measure_scenes(case: &Case, scenes: &[Scene], progress: Progress) -> Result<Vec<Option<Time>>, Stop> {
-    progress(Event::Stage("time"));
+    progress(Event::Stage(STAGE));
     let mut rounds: Vec<Vec<f64>> = vec![Vec::new(); scenes.len()];
     let mut burst = vec![false; scenes.len()];
     let mut counts = vec![0u64; scenes.len()];

@@ -211,16 +211,21 @@ pub fn run(
     if options.time {
         time(case, &mut rows, journal, progress)?;
     }
-    let mut rows: Vec<Row> = rows.into_iter().flatten().collect();
-    let floor = told.as_ref().map_or(0.0, |r| MARGIN * r.uncertainty);
+    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    let missing = plan.len() - rows.len();
+    Ok(table(rows, told, missing, options.time.then(Machine::here)))
+}
+
+/// Puts rows together: which of them nothing beats, and what orders they show. `missing` more are to come.
+pub fn table(
+    mut rows: Vec<Row>,
+    reference: Option<Reference>,
+    missing: usize,
+    machine: Option<Machine>,
+) -> Trade {
+    let floor = reference.as_ref().map_or(0.0, |r| MARGIN * r.uncertainty);
     flag_pareto(&mut rows, floor);
-    Ok(Trade {
-        orders: orders(&rows),
-        missing: plan.len() - rows.len(),
-        rows,
-        reference: told.map(Box::new),
-        machine: options.time.then(Machine::here),
-    })
+    Trade { orders: orders(&rows), missing, rows, reference: reference.map(Box::new), machine }
 }
 
 /// What every row is compared with.
