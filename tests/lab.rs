@@ -1,8 +1,6 @@
 //! The lab against independent numbers: errors, orders, energy, stability, ablation, advice. Counts and errors, never time.
 
 use glam::DVec3;
-use std::path::Path;
-use std::process::Command;
 use tenter::forces::Spectrum;
 use tenter::forces::gravity::Gravity;
 use tenter::forces::springs::SpringParams;
@@ -357,72 +355,5 @@ fn ablation_finds_what_a_scene_needs_and_what_not_and_verifies_it() {
             .iter()
             .fold(case.scene().clone(), |scene, ingredient| ablation::without(&case, &scene, ingredient));
         assert_ne!(&scene, case.scene());
-    }
-}
-
-fn tenter(folder: &Path, args: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_tenter")).args(args).current_dir(folder).output();
-    let output = output.expect("tenter runs");
-    assert_eq!(output.status.code(), Some(0), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).expect("text")
-}
-
-/// A small study without time: what it says is the same on every machine.
-fn small<'a>(study: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let mut args = vec![study, "w1.ron", "--seconds", "0.1", "--counts-only", "--json", "--out", out];
-    args.extend(["--simulators", "symplectic_euler,rk4,verlet"]);
-    args.extend(more);
-    args
-}
-
-#[test]
-fn shards_joined_are_one_run_and_a_study_resumes_where_it_stopped() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let folder = dir.path();
-    std::fs::write(folder.join("w1.ron"), Scene { dt: 0.002, ..w1() }.to_ron().expect("a scene"))
-        .expect("a file");
-    for (study, more) in [("trade", &[][..]), ("ablate", &["--tolerance", "0.02"])] {
-        let whole = tenter(folder, &small(study, "whole", more));
-        // Error and count columns do not change from run to run.
-        assert_eq!(tenter(folder, &small(study, "again", more)), whole);
-        for shard in ["1/3", "2/3", "3/3"] {
-            let out = format!("{study}{}", &shard[..1]);
-            tenter(folder, &small(study, &out, &[more, &["--shard", shard]].concat()));
-        }
-        let parts = ["1", "2", "3"].map(|i| format!("{study}{i}"));
-        let missing = tenter(folder, &["lab", "merge", &parts[0], &parts[1], "--out", "two", "--json"]);
-        assert!(!missing.contains("\"missing\":0"), "{missing}");
-        let joined =
-            tenter(folder, &["lab", "merge", &parts[0], &parts[1], &parts[2], "--out", "joined", "--json"]);
-        assert_eq!(joined, whole, "{study}");
-
-        // A run that was killed in the middle of a line.
-        let journal = folder.join("whole").join(format!("{study}.jsonl"));
-        let text = std::fs::read_to_string(&journal).expect("a journal");
-        let lines: Vec<&str> = text.lines().collect();
-        let kept = lines.len() / 2;
-        let cut = format!("{}\n{}", lines[..kept].join("\n"), &lines[kept][..lines[kept].len() / 2]);
-        std::fs::write(&journal, cut).expect("a file");
-        assert_eq!(tenter(folder, &small(study, "whole", more)), whole);
-        let resumed = std::fs::read_to_string(&journal).expect("a journal");
-        assert_eq!(resumed.lines().filter(|line| line.ends_with('}')).count(), lines.len());
-    }
-}
-
-#[test]
-fn a_report_is_one_page_with_its_data_beside_it() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let folder = dir.path();
-    std::fs::write(folder.join("w1.ron"), Scene { dt: 0.002, ..w1() }.to_ron().expect("a scene"))
-        .expect("a file");
-    let args = ["report", "w1.ron", "--seconds", "0.1", "--counts-only", "--out", "page"];
-    tenter(folder, &[&args[..], &["--simulators", "symplectic_euler,rk4"]].concat());
-    let page = std::fs::read_to_string(folder.join("page/report.html")).expect("a page");
-    for part in ["<svg", "tenter trade w1.ron", "tenter stability", "tenter ablate", "tenter advise"] {
-        assert!(page.contains(part), "{part}");
-    }
-    assert!(!page.contains("src=") && !page.contains("href="), "nothing is loaded from elsewhere");
-    for file in ["trade.json", "trade.csv", "trade.svg", "stability.json", "ablate.json", "advise.json"] {
-        assert!(folder.join("page").join(file).exists(), "{file}");
     }
 }

@@ -6,6 +6,8 @@
 //! locally optimal conjugate gradients of Knyazev ("Toward the optimal preconditioned eigensolver: LOBPCG", 2001) with a
 //! block of one and no preconditioner: a handful of vectors whatever the number of iterations.
 
+mod damped;
+
 use super::Problem;
 use crate::math::{Real, Vector};
 use crate::model::Particles;

@@ -173,13 +173,30 @@ pub fn limit(
     progress: Progress,
 ) -> Result<Limit, Stop> {
     let spectrum = Spectrum::of(problem, state);
-    let dt_theory = trade::theory(settings, &spectrum)?;
+    let dt_theory = theory(settings, &spectrum)?;
     Ok(Limit {
         simulator: settings.simulator.clone(),
         dt_theory,
         dt_measured: measured(problem, state, settings, &spectrum, dt_theory, progress)?,
         dt_guaranteed: trade::theory(settings, &Spectrum::stiffest(problem))?,
     })
+}
+
+/// Methods whose step multiplies a motion exp(λ t) by a polynomial in dt λ: their region of stability alone decides.
+const BY_REGION: [&str; 2] = ["explicit_euler", "rk4"];
+
+/// The largest stable dt in theory, s. A method's own limit is a bound where damping and stiffness do not share their
+/// shapes; here it is made sharp by the damped motions themselves, each held against the method's region of stability.
+fn theory(settings: &Settings, spectrum: &Spectrum) -> Result<Option<f64>, Refusal> {
+    let bound = trade::theory(settings, spectrum)?;
+    let Some(bound) = bound.filter(|dt| *dt > 0.0 && BY_REGION.contains(&settings.simulator.as_str())) else {
+        return Ok(bound);
+    };
+    let alone = |mode| {
+        let limit = trade::theory(settings, &Spectrum::oscillator(mode));
+        limit.ok().flatten().unwrap_or(f64::INFINITY)
+    };
+    Ok(Some(spectrum.smallest_over_damped(&alone)).filter(|dt| dt.is_finite()).or(Some(bound)))
 }
 
 /// Longest dt that is looked at, s.

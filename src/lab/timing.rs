@@ -27,7 +27,44 @@ pub struct Machine {
     pub tenter: String,
 }
 
+/// What was measured, and where: a line of a journal that other machines add to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Measured<T> {
+    /// The times.
+    pub found: T,
+    /// Where.
+    pub machine: Machine,
+}
+
+impl<T> Measured<T> {
+    /// Measured on this machine.
+    pub fn here(found: T) -> Self {
+        Self { found, machine: Machine::here() }
+    }
+}
+
 impl Machine {
+    /// Several as one: what differs stands beside each other, the threads are the most of them. None where there is none.
+    pub fn together(machines: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let mut machines: Vec<Self> = machines.into_iter().collect();
+        machines.sort_by(|a, b| (&a.processor, a.threads).cmp(&(&b.processor, b.threads)));
+        machines.dedup();
+        if machines.len() == 1 {
+            return machines.pop();
+        }
+        let all = |of: &dyn Fn(&Self) -> String| {
+            let mut words: Vec<String> = machines.iter().map(of).collect();
+            words.dedup();
+            words.join(" and ")
+        };
+        Some(Self {
+            threads: machines.iter().map(|m| m.threads).max()?,
+            processor: all(&|m| format!("{} ({} threads)", m.processor, m.threads)),
+            system: all(&|m| m.system.clone()),
+            tenter: all(&|m| m.tenter.clone()),
+        })
+    }
+
     /// This one.
     pub fn here() -> Self {
         let names = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

@@ -27,7 +27,7 @@ crate::params! {
     /// Projective dynamics.
     pub struct ProjectiveDynamics {
         /// Local and global steps in each time step: towards implicit Euler, not beyond.
-        iterations: u32 = 10, range 1.0..=100_000.0, slider log 1.0..=200.0;
+        iterations: u32 = 10, range 1.0..=100_000.0, slider log 1.0..=200.0, effort [1.0, 10.0, 100.0];
     }
 }
 
