@@ -29,41 +29,55 @@ fn folder() -> tempfile::TempDir {
     dir
 }
 
-#[test]
-fn shards_joined_are_one_run_and_a_study_resumes_where_it_stopped() {
+/// Three shards joined tell what one run does, a second run tells the same, and one cut off in the middle of a line
+/// goes on from there.
+fn shards_joined_are_one_run(study: &str, more: &[&str]) {
     let dir = folder();
     let folder = dir.path();
-    for (study, more) in [
-        ("trade", &[][..]),
-        ("ablate", &["--tolerance", "0.02"]),
-        ("stability", &["--map", "damping"]),
-        ("advise", &["--max-error", "1e-4"]),
-    ] {
-        let whole = tenter(folder, &small(study, "whole", more));
-        // Error and count columns do not change from run to run.
-        assert_eq!(tenter(folder, &small(study, "again", more)), whole);
-        for shard in ["1/3", "2/3", "3/3"] {
-            let out = format!("{study}{}", &shard[..1]);
-            tenter(folder, &small(study, &out, &[more, &["--shard", shard]].concat()));
-        }
-        let parts = ["1", "2", "3"].map(|i| format!("{study}{i}"));
-        let missing = tenter(folder, &["lab", "merge", &parts[0], &parts[1], "--out", "two", "--json"]);
-        assert!(!missing.contains("\"missing\":0"), "{missing}");
-        let joined =
-            tenter(folder, &["lab", "merge", &parts[0], &parts[1], &parts[2], "--out", "joined", "--json"]);
-        assert_eq!(joined, whole, "{study}");
-
-        // A run that was killed in the middle of a line.
-        let journal = folder.join("whole").join(format!("{study}.jsonl"));
-        let text = std::fs::read_to_string(&journal).expect("a journal");
-        let lines: Vec<&str> = text.lines().collect();
-        let kept = lines.len() / 2;
-        let cut = format!("{}\n{}", lines[..kept].join("\n"), &lines[kept][..lines[kept].len() / 2]);
-        std::fs::write(&journal, cut).expect("a file");
-        assert_eq!(tenter(folder, &small(study, "whole", more)), whole);
-        let resumed = std::fs::read_to_string(&journal).expect("a journal");
-        assert_eq!(resumed.lines().filter(|line| line.ends_with('}')).count(), lines.len());
+    let whole = tenter(folder, &small(study, "whole", more));
+    // Error and count columns do not change from run to run.
+    assert_eq!(tenter(folder, &small(study, "again", more)), whole);
+    for shard in ["1/3", "2/3", "3/3"] {
+        let out = format!("{study}{}", &shard[..1]);
+        tenter(folder, &small(study, &out, &[more, &["--shard", shard]].concat()));
     }
+    let parts = ["1", "2", "3"].map(|i| format!("{study}{i}"));
+    let missing = tenter(folder, &["lab", "merge", &parts[0], &parts[1], "--out", "two", "--json"]);
+    assert!(!missing.contains("\"missing\":0"), "{missing}");
+    let joined =
+        tenter(folder, &["lab", "merge", &parts[0], &parts[1], &parts[2], "--out", "joined", "--json"]);
+    assert_eq!(joined, whole, "{study}");
+
+    // A run that was killed in the middle of a line.
+    let journal = folder.join("whole").join(format!("{study}.jsonl"));
+    let text = std::fs::read_to_string(&journal).expect("a journal");
+    let lines: Vec<&str> = text.lines().collect();
+    let kept = lines.len() / 2;
+    let cut = format!("{}\n{}", lines[..kept].join("\n"), &lines[kept][..lines[kept].len() / 2]);
+    std::fs::write(&journal, cut).expect("a file");
+    assert_eq!(tenter(folder, &small(study, "whole", more)), whole);
+    let resumed = std::fs::read_to_string(&journal).expect("a journal");
+    assert_eq!(resumed.lines().filter(|line| line.ends_with('}')).count(), lines.len());
+}
+
+#[test]
+fn shards_of_a_trade_joined_are_one_run_that_resumes() {
+    shards_joined_are_one_run("trade", &[]);
+}
+
+#[test]
+fn shards_of_an_ablation_joined_are_one_run_that_resumes() {
+    shards_joined_are_one_run("ablate", &["--tolerance", "0.02"]);
+}
+
+#[test]
+fn shards_of_a_map_joined_are_one_run_that_resumes() {
+    shards_joined_are_one_run("stability", &["--map", "damping"]);
+}
+
+#[test]
+fn shards_of_an_advice_joined_are_one_run_that_resumes() {
+    shards_joined_are_one_run("advise", &["--max-error", "1e-3"]);
 }
 
 /// A study that takes minutes, started and left alone until so many trials are done.

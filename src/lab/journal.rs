@@ -214,7 +214,8 @@ impl Journal {
             .par_iter()
             .map(|part| {
                 let trial = serde_json::json!({ stage: part });
-                let result = self.one(&trial, self.owns(part), || work(part));
+                let on = || if progress(Event::Alive) { Ok(()) } else { Err(Stop::Cancelled) };
+                let result = self.one(&trial, self.owns(part), || on().and_then(|()| work(part)));
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(Event::Done(done, parts.len()));
                 result

@@ -64,6 +64,7 @@ const LOOKS: u64 = 500;
 pub struct Watch {
     mass: Vec<f64>,
     every: u64,
+    steps: u64,
     /// Time, energies, centre of mass.
     seen: Vec<(f64, [f64; 3], DVec3)>,
     /// Sum, number and largest of the strains of each kind.
@@ -77,12 +78,19 @@ impl Watch {
     /// Of a run of so many steps over particles of these masses (kg).
     pub fn new(mass: Vec<f64>, steps: u64) -> Self {
         let every = steps.div_ceil(LOOKS).max(1);
-        Self { mass, every, seen: Vec::new(), strain: [(0.0, 0, f64::NEG_INFINITY); 3], buffer: Vec::new() }
+        Self {
+            mass,
+            every,
+            steps,
+            seen: Vec::new(),
+            strain: [(0.0, 0, f64::NEG_INFINITY); 3],
+            buffer: Vec::new(),
+        }
     }
 
-    /// Looks at the world where it is time to.
-    pub fn step(&mut self, world: &World) {
-        if !world.steps().is_multiple_of(self.every) {
+    /// Looks at the world where it is time to: at the start (step 0), at the end, and now and then between them.
+    pub fn step(&mut self, step: u64, world: &World) {
+        if !step.is_multiple_of(self.every) && step != self.steps {
             return;
         }
         let positions = world.positions();
@@ -110,9 +118,16 @@ impl Watch {
 
     /// What was seen.
     pub fn statistics(&self) -> Statistics {
-        let count = self.seen.len().max(1) as f64;
-        let energy = [0, 1, 2].map(|i| self.seen.iter().map(|s| s.1[i]).sum::<f64>() / count);
-        let centre = self.seen.iter().map(|s| s.2).sum::<DVec3>() / count;
+        // By the trapezoidal rule, so that how often a run was looked at is no difference.
+        let (mut energy, mut centre, mut whole) = ([0.0; 3], DVec3::ZERO, 0.0);
+        for ends in self.seen.windows(2) {
+            let span = ends[1].0 - ends[0].0;
+            whole += span;
+            centre += (ends[0].2 + ends[1].2) * (0.5 * span);
+            (0..3).for_each(|i| energy[i] += 0.5 * span * (ends[0].1[i] + ends[1].1[i]));
+        }
+        let whole = whole.max(f64::MIN_POSITIVE);
+        let (energy, centre) = (energy.map(|e| e / whole), centre / whole);
         let spread = self.seen.iter().map(|s| (s.2 - centre) * (s.2 - centre)).sum::<DVec3>();
         let axis = spread.max_position();
         let path: Vec<(f64, f64)> = self.seen.iter().map(|s| (s.0, (s.2 - centre)[axis])).collect();

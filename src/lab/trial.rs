@@ -54,7 +54,7 @@ impl From<Health> for Zone {
 }
 
 /// Steps between two questions whether to go on.
-const ASK_EVERY: u64 = 64;
+const ASK_EVERY: u64 = 16;
 /// Steps after which the work of a whole run is foreseen.
 const LOOK_AHEAD: u64 = 8;
 
@@ -115,6 +115,9 @@ pub fn run(case: &Case, scene: Scene, keep: Keep, progress: Progress) -> Result<
     let mut book = Ledger { start: before.energy.total(), ..Ledger::default() };
     book.book(&before, 0.0);
     let mut given_up = false;
+    if let Some(watch) = &mut watch {
+        watch.step(0, &world);
+    }
     for step in 1..=count {
         world.step();
         if world.health().is_diverged() {
@@ -124,7 +127,7 @@ pub fn run(case: &Case, scene: Scene, keep: Keep, progress: Progress) -> Result<
             book.book(&world.measures(), dt);
         }
         if let Some(watch) = &mut watch {
-            watch.step(&world);
+            watch.step(step, &world);
         }
         if step % between == 0 {
             max_strain = max_strain.max(world.measures().max_strain);

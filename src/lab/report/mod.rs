@@ -174,7 +174,7 @@ fn another_model(table: &Trade) -> String {
         !row.same_model && row.settings.precision == Precision::Double && row.max_strain.is_some()
     };
     let rows: Vec<&Row> = table.rows.iter().filter(told).collect();
-    let Some(coarsest) = rows.iter().max_by(|a, b| a.settings.dt.total_cmp(&b.settings.dt)) else {
+    let Some(coarsest) = rows.iter().rev().max_by(|a, b| a.settings.dt.total_cmp(&b.settings.dt)) else {
         return String::new();
     };
     let strain = |row: &Row| number(row.max_strain);
