@@ -37,6 +37,8 @@ pub struct Info {
     pub range: Option<RangeInclusive<f64>>,
     /// The part of the range that a slider offers, and how.
     pub slider: Option<(Scale, RangeInclusive<f64>)>,
+    /// Values worth comparing where a method spends more work by it on the same step; empty for all other parameters.
+    pub effort: &'static [f64],
 }
 
 /// How a slider divides its range.
@@ -541,7 +543,7 @@ macro_rules! params {
         $(#[doc = $doc:literal])*
         $(#[serde($($serde:tt)*)])?
         $field:ident : $ty:ty = $default:expr
-            $(, unit $unit:literal)? $(, range $range:expr)? $(, slider $scale:ident $slider:expr)? ;
+            $(, unit $unit:literal)? $(, range $range:expr)? $(, slider $scale:ident $slider:expr)? $(, effort $effort:expr)? ;
     )* }) => {
         $(#[$meta])*
         #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -567,6 +569,7 @@ macro_rules! params {
                     unit: $crate::params!(@or "" $(, $unit)?),
                     range: $crate::params!(@some $($range)?),
                     slider: $crate::params!(@slider $($scale $slider)?),
+                    effort: $crate::params!(@effort $($effort)?),
                 };
             )*
         }
@@ -618,6 +621,8 @@ macro_rules! params {
     (@or $default:literal, $given:literal) => { $given };
     (@some) => { None };
     (@some $range:expr) => { Some($range) };
+    (@effort) => { &[] };
+    (@effort $values:expr) => { &$values };
     (@slider) => { None };
     (@slider linear $range:expr) => { Some(($crate::params::Scale::Linear, $range)) };
     (@slider log $range:expr) => { Some(($crate::params::Scale::Log, $range)) };

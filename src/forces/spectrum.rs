@@ -9,6 +9,8 @@
 //! Where nobody may wait, a spectrum can be asked [`in_parts`](Spectrum::in_parts): what is not found within some iterations
 //! is looked for further when the same is asked again, and a later shape begins where an earlier one ended.
 
+mod damped;
+
 use super::Problem;
 use crate::math::{Real, Vector};
 use crate::model::Particles;

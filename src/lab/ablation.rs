@@ -5,15 +5,14 @@
 //! tolerance are proposed; all of them together are run once more, and given up one by one, the largest change first,
 //! until the proposal itself keeps the tolerance. Nothing is proposed that was not itself run.
 
-use super::timing::{self, Machine};
+use super::timing::{self, Machine, Measured, Time};
 use super::trial::{self, Trial, Zone};
-use super::{Case, Event, Journal, Progress, Stop, metrics, trade};
-use crate::params;
+use super::{Case, Effort, Event, Journal, Progress, Stop, metrics};
 use crate::scene::{Mass, Pin, Pins, Precision, Refusal, Scene, Target};
 use crate::simulators::{self, Value};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,8 +26,8 @@ pub struct Options {
 /// One ingredient left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What was left out: the scene's path, `precision` (Single instead of Double), `resolution` (every other row and
-    /// column, same total mass and continuous stiffness), `sweeps` (half of them).
+    /// What was left out: the scene's path, `precision` (Single instead of Double), `resolution/2` (every other row and
+    /// column, same total mass and continuous stiffness; so on), `sweeps/2` (half of them, so on).
     pub ingredient: String,
     /// What that changes, relative to the motion; none where the run burst or does not reach as far.
     pub change: Option<f64>,
@@ -38,6 +37,8 @@ pub struct Row {
     pub time_saved: Option<f64>,
     /// Whether the change is beyond the tolerance.
     pub needed: bool,
+    /// Whether the scene does without it already: then it was put in.
+    pub absent: bool,
     /// Its zone.
     pub health: Zone,
 }
@@ -66,19 +67,22 @@ pub struct Ablation {
     pub proposal: Option<Proposal>,
     /// Rows that other shards have or that were not reached.
     pub missing: usize,
+    /// Whether lower resolutions could be tried.
+    pub resolution_tried: bool,
     /// Where time was measured; none where it was not.
     pub machine: Option<Machine>,
 }
 
-/// The ingredients that a case's scene has. Half the resolution can be tried from the scene's beginning only.
+/// Halvings that are tried of the resolution and of each count of sweeps, at most.
+const HALVINGS: u32 = 3;
+
+/// The ingredients that a case's scene has; and double precision of one that does without it, to be told what that
+/// costs in accuracy. Lower resolutions can be tried of a grid from its beginning: a mesh would need one made coarser.
 pub fn ingredients(case: &Case) -> Vec<String> {
     let scene = case.scene();
     let springs = &scene.springs;
     let any = springs.kinds().iter().any(|kind| kind.enabled);
-    let effort = simulators::find(&scene.simulator.id).ok().and_then(trade::effort);
-    let sheet = matches!(&scene.target, Target::Grid(grid) if grid.columns.min(grid.rows) > 3);
-    let halved = sheet && case.start().step() == 0;
-    [
+    let mut names: Vec<String> = [
         ("springs.stretch", springs.stretch.enabled),
         ("springs.shear", springs.shear.enabled),
         ("springs.bend", springs.bend.enabled),
@@ -87,93 +91,128 @@ pub fn ingredients(case: &Case) -> Vec<String> {
         ("gravity", scene.gravity.enabled),
         ("wind", scene.wind.enabled),
         ("tearing", scene.tearing.enabled),
-        ("precision", scene.precision == Precision::Double),
-        ("resolution", halved),
-        ("sweeps", effort.is_some()),
+        ("precision", true),
     ]
     .into_iter()
     .filter(|(_, there)| *there)
     .map(|(name, _)| name.to_owned())
-    .collect()
+    .collect();
+    if let (Target::Grid(grid), 0) = (&scene.target, case.start().step()) {
+        let mut points = grid.columns.min(grid.rows);
+        for halving in 1..=HALVINGS {
+            if points > 3 {
+                names.push(format!("resolution/{}", 1 << halving));
+            }
+            points = coarse(points);
+        }
+    }
+    for (effort, count) in counts(scene) {
+        let divisors = (1..=HALVINGS).map(|halving| 1u64 << halving).take_while(|d| count / d >= 1);
+        names.extend(divisors.map(|d| format!("{effort}/{d}")));
+    }
+    names
 }
 
-/// A scene of the case without an ingredient.
+/// What a scene's method does so many times a step.
+fn counts(scene: &Scene) -> Vec<(&'static str, u64)> {
+    let entry = simulators::find(&scene.simulator.id).ok();
+    let efforts = entry.map(|entry| Effort::of(entry, &scene.simulator.params)).unwrap_or_default();
+    efforts.into_iter().filter_map(|effort| Some((effort.name, effort.count()?))).collect()
+}
+
+/// An ingredient's name, and by how much it is divided: 1 where it is left out as a whole.
+fn divided(ingredient: &str) -> (&str, u64) {
+    let parts = ingredient.split_once('/').and_then(|(name, by)| Some((name, by.parse().ok()?)));
+    parts.unwrap_or((ingredient, 1))
+}
+
+/// Whether a scene does without an ingredient already.
+fn absent(scene: &Scene, ingredient: &str) -> bool {
+    ingredient == "precision" && scene.precision == Precision::Single
+}
+
+/// A scene of the case without an ingredient; with it where the scene does without it already.
 pub fn without(case: &Case, scene: &Scene, ingredient: &str) -> Scene {
     let mut scene = scene.clone();
-    match ingredient {
-        "springs.stretch" => scene.springs.stretch.enabled = false,
-        "springs.shear" => scene.springs.shear.enabled = false,
-        "springs.bend" => scene.springs.bend.enabled = false,
-        "springs.damping" => scene.springs.damping = 0.0,
-        "air_damping" => scene.air_damping = 0.0,
-        "gravity" => scene.gravity.enabled = false,
-        "wind" => scene.wind.enabled = false,
-        "tearing" => scene.tearing.enabled = false,
-        "precision" => scene.precision = Precision::Single,
-        "resolution" => scene = coarser(&scene, case.start().pinned()),
-        "sweeps" => {
-            let entry = simulators::find(&scene.simulator.id).ok();
-            if let Some(name) = entry.and_then(trade::effort) {
-                let now = match scene.simulator.params.get(name) {
-                    Some(Value::Count(n)) => *n,
-                    _ => entry.map_or(1, |entry| default_count(entry, name)),
-                };
-                scene.simulator.params.insert(name.to_owned(), Value::Count(now.div_ceil(2)));
+    match divided(ingredient) {
+        ("springs.stretch", _) => scene.springs.stretch.enabled = false,
+        ("springs.shear", _) => scene.springs.shear.enabled = false,
+        ("springs.bend", _) => scene.springs.bend.enabled = false,
+        ("springs.damping", _) => scene.springs.damping = 0.0,
+        ("air_damping", _) => scene.air_damping = 0.0,
+        ("gravity", _) => scene.gravity.enabled = false,
+        ("wind", _) => scene.wind.enabled = false,
+        ("tearing", _) => scene.tearing.enabled = false,
+        ("precision", _) => {
+            let single = absent(&scene, ingredient);
+            scene.precision = if single { Precision::Double } else { Precision::Single };
+        }
+        ("resolution", by) => {
+            let mut pinned = case.start().pinned().to_vec();
+            for _ in 0..by.ilog2() {
+                (scene, pinned) = coarser(&scene, &pinned);
             }
         }
-        _ => {}
+        (name, by) => {
+            if let Some((name, count)) = counts(&scene).into_iter().find(|(effort, _)| *effort == name) {
+                scene.simulator.params.insert(name.to_owned(), Value::Count((count / by).max(1)));
+            }
+        }
     }
     scene
 }
 
-/// The default of a method's whole-numbered parameter.
-fn default_count(entry: &simulators::Entry, name: &str) -> u64 {
-    struct Find<'a>(&'a str, u64);
-    impl params::Visitor for Find<'_> {
-        fn number(&mut self, _: &'static params::Info, _: &mut f64, _: f64) {}
-        fn count(&mut self, info: &'static params::Info, _: &mut u32, default: u32) {
-            if info.name == self.0 {
-                self.1 = u64::from(default);
-            }
-        }
-        fn switch(&mut self, _: &'static params::Info, _: &mut bool, _: bool) {}
-        fn choice(&mut self, _: &'static params::Info, _: &'static [&'static str], _: &mut usize, _: usize) {}
-        fn vector(&mut self, _: &'static params::Info, _: &mut DVec3, _: DVec3) {}
-        fn group(&mut self, _: &'static params::Info, _: &mut dyn FnMut(&mut dyn params::Visitor)) {}
-    }
-    let mut find = Find(name, 1);
-    entry.visit(&BTreeMap::new(), &mut find);
-    find.1
-}
-
-/// Every other row and column, springs twice as long: the total mass and the air damping of all particles together stay,
-/// and so does the continuous stiffness, since each k then stands for twice the width. A particle is pinned where one of
-/// those it stands for is.
-fn coarser(scene: &Scene, pinned: &[bool]) -> Scene {
+/// Every other row and column, springs twice as long, and which particles are pinned then: the total mass and the air
+/// damping of all particles together stay, and so does the continuous stiffness, since each k then stands for twice the
+/// width. A particle is pinned where one of those it stands for is.
+fn coarser(scene: &Scene, pinned: &[bool]) -> (Scene, Vec<bool>) {
     let mut scene = scene.clone();
-    let Target::Grid(grid) = &mut scene.target else { return scene };
+    let Target::Grid(grid) = &mut scene.target else { return (scene, pinned.to_vec()) };
     let (fine_columns, fine_rows) = (grid.columns, grid.rows);
     (grid.columns, grid.rows) = (coarse(fine_columns), coarse(fine_rows));
     grid.spacing *= 2.0;
-    let columns = grid.columns;
-    let ratio = f64::from(fine_columns) * f64::from(fine_rows) / (f64::from(columns) * f64::from(grid.rows));
+    let (columns, rows) = (grid.columns, grid.rows);
+    let ratio = f64::from(fine_columns) * f64::from(fine_rows) / (f64::from(columns) * f64::from(rows));
     let pins: BTreeSet<u32> = (0u32..)
         .zip(pinned)
         .filter(|(_, pinned)| **pinned)
         .map(|(i, _)| i / fine_columns / 2 * columns + i % fine_columns / 2)
         .collect();
+    let pinned = (0..columns * rows).map(|i| pins.contains(&i)).collect();
     scene.pins = Pins::of(pins.into_iter().map(Pin::Particle).collect::<Vec<_>>());
     if let Mass::PerParticle(mass) = &mut scene.mass {
         *mass *= ratio;
     }
     scene.air_damping *= ratio;
     scene.wind.strength *= ratio;
-    scene
+    (scene, pinned)
 }
 
 /// Points along a side when every other one is left out, both ends of an odd number kept.
 fn coarse(points: u32) -> u32 {
     points.div_ceil(2).max(1)
+}
+
+/// Positions of a grid of so many columns and rows from those of the next coarser one, by bilinear interpolation.
+fn finer(x: &[DVec3], [fine_columns, fine_rows]: [u32; 2]) -> Vec<DVec3> {
+    let (columns, rows) = (coarse(fine_columns) as usize, coarse(fine_rows) as usize);
+    // The coarser grid is centred, so that with an even number of points its ends stand off those of the fine one.
+    let along = |i: u32, fine: u32, count: usize| {
+        let offset = (f64::from(fine) - 1.0) / 2.0 - (count as f64 - 1.0);
+        let at = ((f64::from(i) - offset) / 2.0).clamp(0.0, count as f64 - 1.0);
+        let low = (at.floor() as usize).min(count.saturating_sub(2));
+        (low, (low + 1).min(count - 1), at - low as f64)
+    };
+    let mut refined = Vec::with_capacity((fine_rows * fine_columns) as usize);
+    for r in 0..fine_rows {
+        let (r0, r1, down) = along(r, fine_rows, rows);
+        for c in 0..fine_columns {
+            let (c0, c1, right) = along(c, fine_columns, columns);
+            let row = |r: usize| x[r * columns + c0].lerp(x[r * columns + c1], right);
+            refined.push(row(r0).lerp(row(r1), down));
+        }
+    }
+    refined
 }
 
 /// What the rows are compared with.
@@ -189,14 +228,18 @@ impl Whole<'_> {
     fn try_without(&self, out: &[String], progress: Progress) -> Result<(Option<f64>, f64, Zone), Stop> {
         let scene =
             out.iter().fold(self.case.scene().clone(), |scene, name| without(self.case, &scene, name));
-        let halved = scene.target != self.case.scene().target;
+        let halvings = out
+            .iter()
+            .map(|name| divided(name))
+            .find(|(name, _)| *name == "resolution")
+            .map(|(_, by)| by.ilog2());
         let trial = match trial::run_scene(self.case, scene, progress) {
             Ok(trial) => trial,
             // What cannot even be built (a pin that the coarser grid lacks) is needed as it is.
             Err(Stop::Refused(_)) => return Ok((None, 0.0, Zone::Diverged)),
             Err(stop) => return Err(stop),
         };
-        let samples = if halved { self.refined(&trial.samples) } else { trial.samples.clone() };
+        let samples = halvings.map_or_else(|| trial.samples.clone(), |n| self.refined(&trial.samples, n));
         let change = metrics::rms(&self.free, &self.trial.samples, &samples) / self.displacement;
         let health = Zone::from(trial.health);
         let change = Some(change).filter(|c| c.is_finite() && health != Zone::Diverged);
@@ -205,29 +248,12 @@ impl Whole<'_> {
         Ok((change, saved, health))
     }
 
-    /// A coarser grid's positions at the particles of the fine one, between its own by bilinear interpolation.
-    fn refined(&self, samples: &[Vec<DVec3>]) -> Vec<Vec<DVec3>> {
-        let Target::Grid(fine) = &self.case.scene().target else { return Vec::new() };
-        let (columns, rows) = (coarse(fine.columns) as usize, coarse(fine.rows) as usize);
-        // The coarser grid is centred, so that with an even number of points its ends stand off those of the fine one.
-        let along = |i: u32, fine: u32, count: usize| {
-            let offset = (f64::from(fine) - 1.0) / 2.0 - (count as f64 - 1.0);
-            let at = ((f64::from(i) - offset) / 2.0).clamp(0.0, count as f64 - 1.0);
-            let low = (at.floor() as usize).min(count.saturating_sub(2));
-            (low, (low + 1).min(count - 1), at - low as f64)
-        };
-        let one = |x: &Vec<DVec3>| {
-            let mut refined = Vec::with_capacity((fine.rows * fine.columns) as usize);
-            for r in 0..fine.rows {
-                let (r0, r1, down) = along(r, fine.rows, rows);
-                for c in 0..fine.columns {
-                    let (c0, c1, right) = along(c, fine.columns, columns);
-                    let row = |r: usize| x[r * columns + c0].lerp(x[r * columns + c1], right);
-                    refined.push(row(r0).lerp(row(r1), down));
-                }
-            }
-            refined
-        };
+    /// A coarser grid's positions at the particles of the fine one.
+    fn refined(&self, samples: &[Vec<DVec3>], halvings: u32) -> Vec<Vec<DVec3>> {
+        let Target::Grid(grid) = &self.case.scene().target else { return Vec::new() };
+        let mut sizes = vec![[grid.columns, grid.rows]];
+        (1..halvings).for_each(|i| sizes.push(sizes[i as usize - 1].map(coarse)));
+        let one = |x: &Vec<DVec3>| sizes.iter().rev().fold(x.clone(), |x, size| finer(&x, *size));
         samples.iter().map(one).collect()
     }
 }
@@ -266,17 +292,28 @@ pub fn run(
         .filter_map(|(name, tried)| {
             let (change, work_saved, health) = tried?;
             let needed = change.is_none_or(|change| change > options.tolerance);
-            Some(Row { ingredient: name.clone(), change, work_saved, time_saved: None, needed, health })
+            let absent = absent(own, name);
+            Some(Row {
+                ingredient: name.clone(),
+                change,
+                work_saved,
+                time_saved: None,
+                needed,
+                absent,
+                health,
+            })
         })
         .collect();
     rows.sort_by(|a, b| b.change.unwrap_or(f64::INFINITY).total_cmp(&a.change.unwrap_or(f64::INFINITY)));
     let missing = names.len() - rows.len();
     let mut proposal = if missing == 0 { propose(&whole, &rows, options, journal, progress)? } else { None };
-    if options.time && missing == 0 {
-        time(case, &mut rows, proposal.as_mut(), journal, progress)?;
-    }
-    let machine = options.time.then(Machine::here);
-    Ok(Ablation { tolerance: options.tolerance, rows, proposal, missing, machine })
+    let machine = if options.time && missing == 0 {
+        time(case, &mut rows, proposal.as_mut(), journal, progress)?
+    } else {
+        None
+    };
+    let resolution_tried = names.iter().any(|name| divided(name).0 == "resolution");
+    Ok(Ablation { tolerance: options.tolerance, rows, proposal, missing, resolution_tried, machine })
 }
 
 /// Everything that is not needed left out together; given up again one by one until that keeps the tolerance.
@@ -288,26 +325,37 @@ fn propose(
     progress: Progress,
 ) -> Result<Option<Proposal>, Refusal> {
     // Largest change first, as the rows stand.
-    let mut out: Vec<String> = rows.iter().filter(|r| !r.needed).map(|r| r.ingredient.clone()).collect();
+    let free: Vec<&str> = rows.iter().filter(|r| !r.needed && !r.absent).map(|r| &r.ingredient[..]).collect();
+    // Of several halvings of one thing the one that goes furthest.
+    let further = |name: &str| {
+        let (own, by) = divided(name);
+        free.iter().any(|other| divided(other).0 == own && divided(other).1 > by)
+    };
+    let mut out: Vec<String> =
+        free.iter().filter(|name| !further(name)).map(|name| (*name).to_owned()).collect();
     while !out.is_empty() {
         let tried = journal.each("together", &[&out], progress, |out| whole.try_without(out, progress))?;
         let Some(Some((change, work_saved, health))) = tried.into_iter().next() else { return Ok(None) };
         if let Some(change) = change.filter(|c| *c <= options.tolerance && health == Zone::Quiet) {
             return Ok(Some(Proposal { leave_out: out, change, work_saved, time_saved: None }));
         }
-        out.remove(0);
+        let given_up = out.remove(0);
+        // Where a quarter is too little, half may do.
+        let (own, by) = divided(&given_up);
+        let less = free.iter().filter(|name| divided(name).0 == own && divided(name).1 < by);
+        out.extend(less.max_by_key(|name| divided(name).1).map(|name| (*name).to_owned()));
     }
     Ok(None)
 }
 
-/// Measures what is saved in time.
+/// Measures what is saved in time, and answers where.
 fn time(
     case: &Case,
     rows: &mut [Row],
     proposal: Option<&mut Proposal>,
     journal: &Journal,
     progress: Progress,
-) -> Result<(), Refusal> {
+) -> Result<Option<Machine>, Refusal> {
     let mut variants: Vec<Vec<String>> = vec![Vec::new()];
     variants.extend(rows.iter().map(|row| vec![row.ingredient.clone()]));
     variants.extend(proposal.as_ref().map(|p| p.leave_out.clone()));
@@ -315,10 +363,12 @@ fn time(
         .iter()
         .map(|out| out.iter().fold(case.scene().clone(), |scene, name| without(case, &scene, name)))
         .collect();
-    let told = journal
-        .each("time saved", &[variants], progress, |_| timing::measure_scenes(case, &scenes, progress))?;
-    let Some(Some(times)) = told.into_iter().next() else { return Ok(()) };
-    let Some(Some(whole)) = times.first() else { return Ok(()) };
+    let told: Vec<Option<Measured<Vec<Option<Time>>>>> =
+        journal.each("time saved", &[variants], progress, |_| {
+            timing::measure_scenes(case, &scenes, progress).map(Measured::here)
+        })?;
+    let Some(Some(Measured { found: times, machine })) = told.into_iter().next() else { return Ok(None) };
+    let Some(Some(whole)) = times.first() else { return Ok(None) };
     let saved = |i: usize| times.get(i).copied().flatten().map(|time| 1.0 - time.median / whole.median);
     for (i, row) in rows.iter_mut().enumerate() {
         row.time_saved = saved(i + 1);
@@ -326,16 +376,18 @@ fn time(
     if let Some(proposal) = proposal {
         proposal.time_saved = saved(rows.len() + 1);
     }
-    Ok(())
+    Ok(Some(machine))
 }
 
 impl Row {
     /// What leaving it out changes, in words.
     pub fn verdict(&self) -> &'static str {
-        match (self.health, self.needed) {
-            (Zone::Diverged, _) => "needed: bursts without it",
-            (_, true) => "needed",
-            (_, false) => "not needed",
+        match (self.health, self.needed, self.absent) {
+            (Zone::Diverged, _, false) => "needed: bursts without it",
+            (_, true, false) => "needed",
+            (_, false, false) => "not needed",
+            (_, true, true) => "needed, and the scene does without it",
+            (_, false, true) => "not needed: the scene does without it already",
         }
     }
 }

@@ -6,7 +6,7 @@
 //! shortened, and where that does not help the next one is taken. Single precision is taken where it keeps the error too.
 
 use super::reference::{MARGIN, Reference, References};
-use super::timing::{self, Machine};
+use super::timing::{self, Machine, Measured, Time};
 use super::trial::{self, Zone};
 use super::{Case, Event, Journal, Progress, Settings, Stop, metrics, stability, trade};
 use crate::forces::Spectrum;
@@ -93,11 +93,13 @@ const CLOSE: f64 = 1.08;
 const LONGEST: f64 = 1.0 / 24.0;
 /// Most springs looked at in a run: a second or two of computing.
 const MOST_VISITS: f64 = 3e8;
+/// Methods whose search is cheap: what they cost bounds how long the others are looked at.
+const YARDSTICKS: [&str; 3] = ["rk4", "velocity_verlet", "symplectic_euler"];
 /// Most steps of a run.
 const MOST_STEPS: f64 = 2e6;
-/// Simulated time over which a pick must stay quiet, s, and the most steps spent on that.
+/// Simulated time over which a pick must stay quiet, s, and the most springs looked at for that: minutes of computing.
 const QUIET: f64 = 60.0;
-const QUIET_STEPS: f64 = 4e5;
+const QUIET_VISITS: f64 = 2e10;
 
 /// Runs of one method with one set of parameters.
 struct Search<'a> {
@@ -225,17 +227,43 @@ impl Search<'_> {
         Ok(self.candidate(point, Precision::Double, met))
     }
 
-    /// The most accurate within a budget, given what a step takes, s.
-    fn for_budget(&mut self, budget_ms: f64, step: f64) -> Result<Candidate, Stop> {
+    /// The most accurate within a budget of time: as many steps as it pays for, in the precision that errs less.
+    fn for_budget(&mut self, budget_ms: f64) -> Result<Candidate, Stop> {
+        /// A step's time hangs on dt itself where equations are solved: so often is it measured anew.
+        const ROUNDS: usize = 3;
         let samples = u64::from(self.case.samples.max(1));
-        // ms a frame = 1000/60 · step/dt.
-        let affordable = self.case.seconds / (step * 1000.0 / 60.0 / budget_ms);
-        let steps = (affordable.min(MOST_STEPS) as u64 / samples * samples).max(samples);
-        let stable = steps >= self.fewest();
-        let point = self.look(if stable { steps } else { self.fewest() }, Precision::Double)?;
-        let mut candidate = self.candidate(point, Precision::Double, stable && point.error.is_some());
-        candidate.ms_per_frame = Some(1000.0 / 60.0 * step / candidate.settings.dt);
-        Ok(candidate)
+        let mut best: Option<Candidate> = None;
+        for precision in [Precision::Double, Precision::Single] {
+            let mut steps = self.fewest();
+            let mut affordable: Option<(u64, f64)> = None;
+            for _ in 0..ROUNDS {
+                let dt = self.case.dt(steps);
+                let settings = Settings { precision, dt, ..self.own.clone() };
+                self.trials += 1;
+                let measured = timing::measure(self.case, &[settings], self.progress)?;
+                let Some(time) = measured.into_iter().next().flatten() else { break };
+                let ms = 1000.0 / 60.0 * time.median;
+                if ms <= budget_ms && affordable.is_none_or(|(most, _)| steps > most) {
+                    affordable = Some((steps, ms));
+                }
+                let paid = (steps as f64 * 0.97 * budget_ms / ms).min(MOST_STEPS) as u64 / samples * samples;
+                let next = paid.max(self.fewest());
+                if next == steps {
+                    break;
+                }
+                steps = next;
+            }
+            let (steps, ms) = affordable.map_or((self.fewest(), None), |(steps, ms)| (steps, Some(ms)));
+            let point = self.look(steps, precision)?;
+            let mut candidate = self.candidate(point, precision, ms.is_some() && point.error.is_some());
+            candidate.ms_per_frame = ms;
+            let error = |c: &Candidate| self.reference.told(c.error);
+            if best.as_ref().is_none_or(|b| (!candidate.met, error(&candidate)) < (!b.met, error(b))) {
+                best = Some(candidate);
+            }
+        }
+        let trials = self.trials;
+        best.map(|best| Candidate { trials, ..best }).ok_or(Stop::Cancelled)
     }
 }
 
@@ -271,55 +299,80 @@ pub fn run(
     let mut plan = Vec::new();
     for entry in trade::chosen(&options.simulators)? {
         plan.extend(
-            trade::variants(entry)
+            super::variants(entry)
                 .into_iter()
                 .map(|params| Settings { params, ..Settings::double(entry.id, LONGEST) }),
         );
     }
-    // Methods of high order first: they bound what the others may cost. Those of another model last.
+    // Methods of high order first, since they soon bound what others may cost. Those of another model last.
     plan.sort_by_key(|own| {
         let order = simulators::find(&own.simulator).map_or(0, |entry| entry.order);
         (!own.same_model(), std::cmp::Reverse(order))
     });
-    let limits: Vec<Option<f64>> =
-        plan.iter().map(|own| trade::theory(own, &spectrum)).collect::<Result<_, _>>()?;
-    let steps = match options.goal {
-        Goal::BudgetMs(_) => seconds_a_step(case, &plan, &limits, journal, progress)?,
-        Goal::MaxError(_) => vec![None; plan.len()],
+    let timed = options.time || matches!(options.goal, Goal::BudgetMs(_));
+    let parts: Vec<(Settings, Goal)> = plan.into_iter().map(|own| (own, options.goal)).collect();
+    let search = |own: &Settings, bound: f64| -> Result<Search, Stop> {
+        let (own, limit) = (own.clone(), trade::theory(own, &spectrum)?);
+        Ok(Search { case, reference: &reference, free: &free, own, limit, bound, trials: 0, progress })
     };
-    let parts: Vec<(Settings, Goal, Option<f64>)> =
-        plan.iter().zip(&steps).map(|(own, step)| (own.clone(), options.goal, *step)).collect();
-    let mut found = Vec::new();
+    // What explicit methods cost, which is soon found, bounds what all others may: the same in every shard.
     let mut bound = f64::INFINITY;
-    for (part, limit) in parts.iter().zip(&limits) {
-        // One after the other: what one costs limits how long the next is looked at, the same way every time.
-        let told = journal.each("advice", std::slice::from_ref(part), progress, |(own, goal, step)| {
-            let own = own.clone();
-            let (reference, free, limit) = (&*reference, &free[..], *limit);
-            let mut search = Search { case, reference, free, own, limit, bound, trials: 0, progress };
-            match (goal, step) {
-                (Goal::MaxError(wanted), _) => search.for_error(*wanted),
-                (Goal::BudgetMs(budget), Some(step)) => search.for_budget(*budget, *step),
-                (Goal::BudgetMs(_), None) => Err(Stop::Cancelled),
+    if let Goal::MaxError(wanted) = options.goal
+        && parts.iter().any(|part| journal.wants("advice", part))
+    {
+        for (own, _) in parts.iter().filter(|(own, _)| YARDSTICKS.contains(&own.simulator.as_str())) {
+            let point =
+                search(own, bound).and_then(|mut s| s.longest_step(wanted)).map_err(Stop::into_refusal)?;
+            if point.error.is_some_and(|error| error <= wanted) {
+                bound = bound.min(point.visits);
             }
-        })?;
-        let candidate: Option<Candidate> = told.into_iter().next().flatten();
-        let cost = candidate.as_ref().filter(|c| c.met).map(|c| c.spring_visits);
-        bound = bound.min(cost.unwrap_or(f64::INFINITY));
-        found.push(candidate);
+        }
     }
+    let one = |(own, goal): &(Settings, Goal)| {
+        let candidate = match goal {
+            Goal::MaxError(wanted) => search(own, bound)?.for_error(*wanted),
+            Goal::BudgetMs(budget) => search(own, bound)?.for_budget(*budget),
+        };
+        candidate.map(Measured::here)
+    };
+    let told: Vec<Option<Measured<Candidate>>> = match options.goal {
+        Goal::MaxError(_) => journal.each("advice", &parts, progress, one)?,
+        // One after the other, so that nothing disturbs what is timed.
+        Goal::BudgetMs(_) => {
+            let told =
+                parts.iter().map(|part| journal.each("advice", std::slice::from_ref(part), progress, one));
+            told.collect::<Result<Vec<_>, _>>()?.concat()
+        }
+    };
+    let mut machines: Vec<Machine> = told
+        .iter()
+        .flatten()
+        .filter(|_| matches!(options.goal, Goal::BudgetMs(_)))
+        .map(|m| m.machine.clone())
+        .collect();
+    let found: Vec<Option<Candidate>> = told.into_iter().map(|told| Some(told?.found)).collect();
     let missing = found.iter().filter(|c| c.is_none()).count();
     let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
-    rank(&mut candidates, options.goal);
+    rank(&mut candidates, options.goal, &reference);
     let mut trials = candidates.iter().map(|c| c.trials).sum();
-    let (pick, quiet_seconds) = settle(case, &mut candidates, options.goal, journal, &mut trials, progress)?;
-    let Some(mut pick) = pick else { return Err(Stop::Cancelled.into_refusal()) };
-    if options.time && pick.ms_per_frame.is_none() {
-        let told = journal.each("time", &[&pick.settings], progress, |settings| {
-            timing::measure(case, &[(*settings).clone()], progress)
+    let (pick, quiet_seconds) = if missing > 0 {
+        // The best of all is not known yet.
+        (candidates.first().cloned(), 0.0)
+    } else {
+        settle(case, &mut candidates, options.goal, journal, &mut trials, progress)?
+    };
+    let Some(mut pick) = pick.or_else(|| journal.is_shard().then(|| nothing(case))) else {
+        return Err(Stop::Cancelled.into_refusal());
+    };
+    if timed && missing == 0 && pick.ms_per_frame.is_none() {
+        let told = journal.each(timing::STAGE, &[&pick.settings], progress, |settings| {
+            timing::measure(case, &[(*settings).clone()], progress).map(Measured::here)
         })?;
-        let time = told.into_iter().flatten().flatten().flatten().next();
-        pick.ms_per_frame = time.map(|time| 1000.0 / 60.0 * time.median);
+        let told: Option<Measured<Vec<Option<Time>>>> = told.into_iter().next().flatten();
+        if let Some(Measured { found, machine }) = told {
+            pick.ms_per_frame = found.into_iter().flatten().next().map(|time| 1000.0 / 60.0 * time.median);
+            machines.push(machine);
+        }
     }
     Ok(Advice {
         met: pick.met,
@@ -333,19 +386,36 @@ pub fn run(
         goal: options.goal,
         candidates,
         missing,
-        machine: options.time.then(Machine::here),
+        machine: Machine::together(machines),
     })
 }
 
+/// What a shard tells to which no method fell: the scene as it stands, of which nothing is known.
+fn nothing(case: &Case) -> Candidate {
+    Candidate {
+        settings: Settings::of(case.scene()),
+        met: false,
+        error: None,
+        spring_visits: 0.0,
+        ms_per_frame: None,
+        stability_margin: None,
+        trials: 0,
+    }
+}
+
 /// Best first: those that meet the goal by the other quantity, then those that do not by how close they come.
-fn rank(candidates: &mut [Candidate], goal: Goal) {
-    let error = |c: &Candidate| c.error.unwrap_or(f64::INFINITY);
-    let key = |c: &Candidate| match (goal, c.met) {
-        (Goal::MaxError(_), true) => c.spring_visits,
-        (Goal::MaxError(_), false) | (Goal::BudgetMs(_), true) => error(c),
-        (Goal::BudgetMs(_), false) => c.ms_per_frame.unwrap_or(f64::INFINITY),
+fn rank(candidates: &mut [Candidate], goal: Goal, reference: &Reference) {
+    let error = |c: &Candidate| reference.told(c.error);
+    let time = |c: &Candidate| c.ms_per_frame.unwrap_or(f64::INFINITY);
+    let key = |c: &Candidate| match goal {
+        Goal::MaxError(_) if c.met => (c.spring_visits, error(c)),
+        Goal::MaxError(_) => (error(c), c.spring_visits),
+        Goal::BudgetMs(_) => (error(c), time(c)),
     };
-    candidates.sort_by(|a, b| b.met.cmp(&a.met).then(key(a).total_cmp(&key(b))));
+    candidates.sort_by(|a, b| {
+        let (x, y) = (key(a), key(b));
+        b.met.cmp(&a.met).then(x.0.total_cmp(&y.0)).then(x.1.total_cmp(&y.1))
+    });
 }
 
 /// The first candidate that stays quiet for long, its step shortened where need be; and for how long it was seen to.
@@ -364,7 +434,8 @@ fn settle(
         let mut settings = candidate.settings.clone();
         let may_shorten = matches!(goal, Goal::MaxError(_));
         for _ in 0..=if may_shorten { SHORTER.0 } else { 0 } {
-            let seconds = QUIET.min(QUIET_STEPS * settings.dt);
+            let visits = candidate.spring_visits * candidate.settings.dt / settings.dt;
+            let seconds = QUIET.min(QUIET_VISITS / visits.max(1.0));
             let long = case.lasting(seconds);
             *trials += 1;
             let zone = journal.each("quiet", &[&settings], progress, |settings| {
@@ -387,26 +458,4 @@ fn settle(
         }
     }
     Ok((candidates.first().map(|closest| Candidate { met: false, ..closest.clone() }), 0.0))
-}
-
-/// Measured time of one step of each method, s.
-fn seconds_a_step(
-    case: &Case,
-    plan: &[Settings],
-    limits: &[Option<f64>],
-    journal: &Journal,
-    progress: Progress,
-) -> Result<Vec<Option<f64>>, Refusal> {
-    let settings: Vec<Settings> = plan
-        .iter()
-        .zip(limits)
-        .map(|(own, limit)| {
-            let dt = limit.map_or(LONGEST, |limit| (limit * MARGIN_TO_LIMIT).max(1e-5));
-            Settings { dt, ..own.clone() }
-        })
-        .collect();
-    let told =
-        journal.each("time", &[&settings], progress, |settings| timing::measure(case, settings, progress))?;
-    let times = told.into_iter().flatten().next().unwrap_or_else(|| vec![None; plan.len()]);
-    Ok(settings.iter().zip(times).map(|(own, time)| time.map(|t| t.median * own.dt)).collect())
 }

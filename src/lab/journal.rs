@@ -177,6 +177,11 @@ impl Journal {
         Self { frozen: true, ..self }
     }
 
+    /// Whether only a share of a study is run.
+    pub fn is_shard(&self) -> bool {
+        self.shard.is_some()
+    }
+
     /// Parts that were left out: another shard's, or not done when the study was stopped.
     pub fn missing(&self) -> usize {
         self.missing.load(Ordering::Relaxed)
@@ -209,7 +214,8 @@ impl Journal {
             .par_iter()
             .map(|part| {
                 let trial = serde_json::json!({ stage: part });
-                let result = self.one(&trial, || work(part));
+                let on = || if progress(Event::Alive) { Ok(()) } else { Err(Stop::Cancelled) };
+                let result = self.one(&trial, self.owns(part), || on().and_then(|()| work(part)));
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(Event::Done(done, parts.len()));
                 result
@@ -217,21 +223,34 @@ impl Journal {
             .collect()
     }
 
+    /// What the parts of a stage gave that are done so far, in the order of their descriptions.
+    pub fn results<R: DeserializeOwned>(&self, stage: &str) -> Vec<R> {
+        let start = format!("{{{}:", Value::from(stage));
+        let known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let stage = known.range(start.clone()..).take_while(|(key, _)| key.starts_with(&start));
+        stage.filter_map(|(_, result)| serde_json::from_value(result.clone()).ok()).collect()
+    }
+
     /// Whether [`each`](Self::each) would run a part itself: it is not known, and not another shard's.
     pub fn wants<T: Serialize>(&self, stage: &str, part: &T) -> bool {
         let key = serde_json::json!({ stage: part }).to_string();
         let known = self.known.lock().unwrap_or_else(PoisonError::into_inner).contains_key(&key);
-        !known && !self.frozen && self.owns(&key)
+        !known && !self.frozen && self.owns(part)
     }
 
-    /// Whether a part falls to this shard: by its description, so that every shard decides alike.
-    fn owns(&self, key: &str) -> bool {
-        self.shard.is_none_or(|shard| super::hash(key) % shard.count as u64 == shard.index as u64)
+    /// Whether a part falls to this shard: by its description, so that every shard decides alike, and not by the stage, so
+    /// that what one shard has run is also timed by it.
+    fn owns<T: Serialize>(&self, part: &T) -> bool {
+        let own = |shard: Shard| {
+            super::hash(&serde_json::json!(part).to_string()) % shard.count as u64 == shard.index as u64
+        };
+        self.shard.is_none_or(own)
     }
 
     fn one<R: Serialize + DeserializeOwned>(
         &self,
         trial: &Value,
+        own: bool,
         work: impl FnOnce() -> Result<R, Stop>,
     ) -> Result<Option<R>, Refusal> {
         let key = trial.to_string();
@@ -240,7 +259,7 @@ impl Journal {
         if let Some(result) = stored.and_then(|value| serde_json::from_value(value).ok()) {
             return Ok(Some(result));
         }
-        let result = if self.frozen || !self.owns(&key) { Err(Stop::Cancelled) } else { work() };
+        let result = if self.frozen || !own { Err(Stop::Cancelled) } else { work() };
         match result {
             Ok(result) => {
                 self.ran.fetch_add(1, Ordering::Relaxed);

@@ -11,17 +11,20 @@
 pub mod ablation;
 pub mod advice;
 mod case;
+mod effort;
 pub mod equilibrium;
 pub mod journal;
 pub mod metrics;
 pub mod reference;
 pub mod report;
 pub mod stability;
+pub mod statistics;
 pub mod timing;
 pub mod trade;
 pub mod trial;
 
 pub use case::{Case, Settings, hash};
+pub use effort::{Effort, adaptive, variants};
 pub use journal::Journal;
 
 use crate::scene::Refusal;

@@ -5,7 +5,9 @@
 //! two steps (Richardson, "The deferred approach to the limit", 1927), confirms it. Started 1e-8 m apart, two solutions
 //! tell up to when trajectories can be compared at all: while their distance grows less than a hundredfold.
 
-use super::{Case, Event, Progress, Settings, Stop, metrics, trial};
+use super::statistics::Statistics;
+use super::trial::{self, Keep};
+use super::{Case, Event, Progress, Settings, Stop, metrics};
 use crate::forces::Spectrum;
 use crate::scene::Refusal;
 use glam::DVec3;
@@ -49,6 +51,10 @@ pub struct Reference {
     pub mean_strain: f64,
     /// Kinetic, gravitational and elastic energy at the end, J.
     pub energy: [f64; 3],
+    /// Springs looked at by it for each simulated second.
+    pub work: f64,
+    /// What is compared where trajectories are not.
+    pub statistics: Statistics,
     /// Positions at every sampled time, m.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samples: Vec<Vec<DVec3>>,
@@ -66,6 +72,11 @@ impl Reference {
     /// Whether an error (m) is too small to be told by this reference.
     pub fn hides(&self, error: f64) -> bool {
         error < MARGIN * self.uncertainty
+    }
+
+    /// An error (m) for ranking: those too small to be told are alike, none is the largest.
+    pub fn told(&self, error: Option<f64>) -> f64 {
+        error.map_or(f64::INFINITY, |error| error.max(MARGIN * self.uncertainty))
     }
 
     /// The same without its positions, as reports have it.
@@ -132,17 +143,18 @@ pub fn solve(case: &Case, progress: Progress) -> Result<Reference, Stop> {
 
     let nudged = nudged(case);
     let runs = [
-        (case, "rk4", coarse),
-        (case, "rk4", 2 * coarse),
-        (&nudged, "rk4", coarse),
-        (case, "velocity_verlet", coarse),
-        (case, "velocity_verlet", 2 * coarse),
+        (case, "rk4", coarse, false),
+        (case, "rk4", 2 * coarse, true),
+        (&nudged, "rk4", coarse, false),
+        (case, "velocity_verlet", coarse, false),
+        (case, "velocity_verlet", 2 * coarse, false),
     ];
     let runs: Vec<_> = runs
         .par_iter()
-        .map(|(case, simulator, steps)| {
+        .map(|(case, simulator, steps, statistics)| {
             let settings = Settings::double(simulator, case.dt(*steps));
-            trial::run_scene(case, settings.apply(case.scene()), progress)
+            let keep = Keep { statistics: *statistics, ..Keep::default() };
+            trial::run(case, settings.apply(case.scene()), keep, progress)
         })
         .collect::<Result<_, _>>()?;
     if let Some(burst) = runs.iter().find(|run| run.health.is_diverged()) {
@@ -185,6 +197,8 @@ pub fn solve(case: &Case, progress: Progress) -> Result<Reference, Stop> {
         max_strain: fine.max_strain,
         mean_strain: fine.end.mean_strain,
         energy: [energy.kinetic, energy.gravitational, energy.elastic],
+        work: fine.cost.spring_visits as f64 / case.seconds,
+        statistics: fine.statistics.clone().unwrap_or_default(),
         samples: fine.samples.clone(),
         interval,
     })

@@ -27,7 +27,44 @@ pub struct Machine {
     pub tenter: String,
 }
 
+/// What was measured, and where: a line of a journal that other machines add to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Measured<T> {
+    /// The times.
+    pub found: T,
+    /// Where.
+    pub machine: Machine,
+}
+
+impl<T> Measured<T> {
+    /// Measured on this machine.
+    pub fn here(found: T) -> Self {
+        Self { found, machine: Machine::here() }
+    }
+}
+
 impl Machine {
+    /// Several as one: what differs stands beside each other, the threads are the most of them. None where there is none.
+    pub fn together(machines: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let mut machines: Vec<Self> = machines.into_iter().collect();
+        machines.sort_by(|a, b| (&a.processor, a.threads).cmp(&(&b.processor, b.threads)));
+        machines.dedup();
+        if machines.len() == 1 {
+            return machines.pop();
+        }
+        let all = |of: &dyn Fn(&Self) -> String| {
+            let mut words: Vec<String> = machines.iter().map(of).collect();
+            words.dedup();
+            words.join(" and ")
+        };
+        Some(Self {
+            threads: machines.iter().map(|m| m.threads).max()?,
+            processor: all(&|m| format!("{} ({} threads)", m.processor, m.threads)),
+            system: all(&|m| m.system.clone()),
+            tenter: all(&|m| m.tenter.clone()),
+        })
+    }
+
     /// This one.
     pub fn here() -> Self {
         let names = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -43,6 +80,8 @@ impl Machine {
     }
 }
 
+/// The stage in which time is measured: nothing else should use the machine then.
+pub const STAGE: &str = "time";
 /// Rounds that count; one more before them warms caches and branch predictors.
 pub const ROUNDS: usize = 5;
 /// Computing that a round of one setting takes, s: long against the clock's resolution, short against a user's patience.
@@ -63,7 +102,7 @@ pub fn measure(case: &Case, settings: &[Settings], progress: Progress) -> Result
 /// # Errors
 /// Those of [`measure`].
 pub fn measure_scenes(case: &Case, scenes: &[Scene], progress: Progress) -> Result<Vec<Option<Time>>, Stop> {
-    progress(Event::Stage("time"));
+    progress(Event::Stage(STAGE));
     let mut rounds: Vec<Vec<f64>> = vec![Vec::new(); scenes.len()];
     let mut burst = vec![false; scenes.len()];
     let mut counts = vec![0u64; scenes.len()];

@@ -2,9 +2,10 @@
 
 use super::metrics::{self, Errors};
 use super::reference::{MARGIN, Reference, References};
-use super::timing::{self, Machine, Time};
-use super::trial::{self, Trial, Zone};
-use super::{Case, Journal, Progress, Settings, Stop, equilibrium};
+use super::statistics::Statistics;
+use super::timing::{self, Machine, Measured, Time};
+use super::trial::{self, Keep, Trial, Zone};
+use super::{Case, Effort, Journal, Progress, Settings, Stop, equilibrium};
 use crate::forces::Spectrum;
 use crate::scene::{Precision, Refusal};
 use crate::simulators::{self, Build, Entry, Model, SimulatorSettings, Value};
@@ -55,6 +56,10 @@ pub struct Row {
     pub same_model: bool,
     /// Its zone.
     pub health: Zone,
+    /// Whether the run was given up because its work passed the cap; it has no errors then.
+    pub capped: bool,
+    /// What is compared after trajectories have parted; none where the run burst or was given up.
+    pub statistics: Option<Statistics>,
     /// Whether no row of the same model has both less error and less work in springs looked at.
     pub pareto: bool,
 }
@@ -98,8 +103,11 @@ impl PartialEq for Reference {
     }
 }
 
-/// Sweeps or iterations that are tried of a method that has them.
-const SWEEPS: [u64; 4] = [1, 4, 16, 64];
+/// Most springs looked at in a run of the table: about half a second of computing.
+const MOST_VISITS: f64 = 3e7;
+/// But at least so many times the work of the cheapest explicit run, symplectic Euler at its limit, so that its halvings
+/// and those of its neighbours stay in the table however large the cloth is.
+const TIMES_CHEAPEST: f64 = 16.0;
 /// Steps below a method's limit that are tried, a factor of two apart; one above the limit stays in the table as burst.
 const BELOW_LIMIT: usize = 5;
 /// Longest step of methods without a limit, s: about a frame of film.
@@ -114,19 +122,6 @@ pub fn chosen(names: &[String]) -> Result<Vec<&'static Entry>, Refusal> {
         return Ok(simulators::ALL.iter().collect());
     }
     names.iter().map(|name| simulators::find(name).map_err(Refusal::from)).collect()
-}
-
-/// The parameter by which a method spends more work on the same step.
-pub fn effort(entry: &Entry) -> Option<&'static str> {
-    entry.params.iter().find(|name| ["sweeps", "iterations"].contains(name)).copied()
-}
-
-/// The parameters that a method is tried with.
-pub fn variants(entry: &Entry) -> Vec<BTreeMap<String, Value>> {
-    match effort(entry) {
-        None => vec![BTreeMap::new()],
-        Some(name) => SWEEPS.iter().map(|n| BTreeMap::from([(name.to_owned(), Value::Count(*n))])).collect(),
-    }
 }
 
 /// The largest stable dt in theory of a method in a shape, s; none where theory sets no limit.
@@ -149,7 +144,16 @@ fn ladder(case: &Case, limit: Option<f64>, fallback: f64) -> Vec<f64> {
         Some(limit) => (halvings(limit).ceil() - 1.0).max(0.0),
         None => halvings(LONGEST).ceil(),
     };
-    (0..=BELOW_LIMIT).map(|i| top / 2f64.powf(first + i as f64)).collect()
+    let steps = if limit.is_some() { BELOW_LIMIT + 1 } else { BELOW_LIMIT };
+    (0..steps).map(|i| top / 2f64.powf(first + i as f64)).collect()
+}
+
+/// Springs that a run may look at before it is given up. Counted, so that it cuts the same rows on every machine.
+fn most_visits(case: &Case) -> Result<u64, Refusal> {
+    let (problem, state) = case.start().problem(case.scene())?;
+    let limit = theory(&Settings::double("symplectic_euler", 0.0), &Spectrum::of(&problem, &state))?;
+    let cheapest = limit.map_or(0.0, |dt| case.seconds / dt * problem.springs.len() as f64);
+    Ok(MOST_VISITS.max(TIMES_CHEAPEST * cheapest) as u64)
 }
 
 /// All settings that are tried.
@@ -162,7 +166,7 @@ pub fn plan(case: &Case, names: &[String]) -> Result<Vec<Settings>, Refusal> {
     let fallback = theory(&Settings::double("symplectic_euler", 0.0), &spectrum)?.unwrap_or(LONGEST);
     let mut plan = Vec::new();
     for entry in chosen(names)? {
-        for params in variants(entry) {
+        for params in super::variants(entry) {
             let own = Settings { params, ..Settings::double(entry.id, 0.0) };
             for dt in ladder(case, theory(&own, &spectrum)?, fallback) {
                 for precision in [Precision::Double, Precision::Single] {
@@ -208,19 +212,22 @@ pub fn run(
             journal.each("trade", &plan, progress, |settings| bench.row(settings, progress))?
         }
     };
-    if options.time {
-        time(case, &mut rows, journal, progress)?;
-    }
-    let mut rows: Vec<Row> = rows.into_iter().flatten().collect();
-    let floor = told.as_ref().map_or(0.0, |r| MARGIN * r.uncertainty);
+    let machine = if options.time { time(case, &mut rows, journal, progress)? } else { None };
+    let rows: Vec<Row> = rows.into_iter().flatten().collect();
+    let missing = plan.len() - rows.len();
+    Ok(table(rows, told, missing, machine))
+}
+
+/// Puts rows together: which of them nothing beats, and what orders they show. `missing` more are to come.
+pub fn table(
+    mut rows: Vec<Row>,
+    reference: Option<Reference>,
+    missing: usize,
+    machine: Option<Machine>,
+) -> Trade {
+    let floor = reference.as_ref().map_or(0.0, |r| MARGIN * r.uncertainty);
     flag_pareto(&mut rows, floor);
-    Ok(Trade {
-        orders: orders(&rows),
-        missing: plan.len() - rows.len(),
-        rows,
-        reference: told.map(Box::new),
-        machine: options.time.then(Machine::here),
-    })
+    Trade { orders: orders(&rows), missing, rows, reference: reference.map(Box::new), machine }
 }
 
 /// What every row is compared with.
@@ -231,6 +238,7 @@ struct Bench<'a> {
     equilibrium: Option<Case>,
     /// Sampled positions of the limits of methods that solve another model.
     limits: BTreeMap<String, Vec<Vec<DVec3>>>,
+    most_visits: u64,
 }
 
 impl<'a> Bench<'a> {
@@ -255,14 +263,15 @@ impl<'a> Bench<'a> {
             let still = vec![DVec3::ZERO; rest.positions.len()];
             case.from(case.start().moved(&rest.positions, &still))
         });
-        Ok(Self { case, reference, free: case.free(), equilibrium, limits })
+        Ok(Self { case, reference, free: case.free(), equilibrium, limits, most_visits: most_visits(case)? })
     }
 
     fn row(&self, settings: &Settings, progress: Progress) -> Result<Row, Stop> {
-        let trial = trial::run(self.case, settings, progress)?;
+        let keep = Keep { ledger: true, statistics: true, most_visits: Some(self.most_visits) };
+        let trial = trial::run(self.case, settings.apply(self.case.scene()), keep, progress)?;
         let health = Zone::from(trial.health);
-        let errors = metrics::errors(&self.free, self.reference, &trial.samples);
-        let burst = health == Zone::Diverged;
+        let burst = health == Zone::Diverged || trial.given_up;
+        let errors = metrics::errors(&self.free, self.reference, &trial.samples).filter(|_| !trial.given_up);
         let equilibrium_error = match &self.equilibrium {
             Some(rest) if !burst => self.distance_from_rest(rest, settings, progress)?,
             _ => None,
@@ -272,7 +281,7 @@ impl<'a> Bench<'a> {
             let displacement = metrics::rms(&self.free, &start, limit);
             metrics::rms(&self.free, limit, &trial.samples) / displacement.max(f64::MIN_POSITIVE)
         });
-        let Trial { steps, cost, max_strain, energy_drift, .. } = trial;
+        let Trial { steps, cost, max_strain, energy_drift, given_up, statistics, .. } = trial;
         let per_second = 1.0 / (steps.max(1) as f64 * settings.dt);
         Ok(Row {
             settings: settings.clone(),
@@ -290,6 +299,8 @@ impl<'a> Bench<'a> {
             seconds_spread: None,
             same_model: settings.same_model(),
             health,
+            capped: given_up,
+            statistics: statistics.filter(|_| !burst),
             pareto: false,
         })
     }
@@ -300,9 +311,10 @@ impl<'a> Bench<'a> {
         settings: &Settings,
         progress: Progress,
     ) -> Result<Option<f64>, Stop> {
-        let trial = trial::run_scene(rest, settings.apply(rest.scene()), progress)?;
+        let keep = Keep { most_visits: Some(self.most_visits), ..Keep::default() };
+        let trial = trial::run(rest, settings.apply(rest.scene()), keep, progress)?;
         let start = rest.start().motion().0;
-        let end = trial.samples.last().filter(|_| !trial.health.is_diverged());
+        let end = trial.samples.last().filter(|_| !trial.health.is_diverged() && !trial.given_up);
         Ok(end.map(|end| metrics::mean_square(&self.free, &start, end).sqrt()))
     }
 }
@@ -311,42 +323,54 @@ impl<'a> Bench<'a> {
 fn own_limit(settings: &Settings, plan: &[Settings]) -> Result<Settings, Refusal> {
     let finest = plan.iter().filter(|s| s.simulator == settings.simulator).map(|s| s.dt);
     let dt = finest.fold(f64::INFINITY, f64::min) / 2.0;
-    let most = Value::Count(2 * SWEEPS[SWEEPS.len() - 1]);
-    let params = effort(simulators::find(&settings.simulator)?).map(|name| (name.to_owned(), most));
-    Ok(Settings { params: params.into_iter().collect(), ..Settings::double(&settings.simulator, dt) })
+    let entry = simulators::find(&settings.simulator)?;
+    let params = Effort::of(entry, &BTreeMap::new()).into_iter().filter_map(|effort| {
+        let most = effort
+            .ladder
+            .iter()
+            .filter_map(|value| if let Value::Count(n) = value { Some(2 * n) } else { None });
+        Some((effort.name.to_owned(), Value::Count(most.max()?)))
+    });
+    Ok(Settings { params: params.collect(), ..Settings::double(&settings.simulator, dt) })
 }
 
-/// Adds measured time to the rows that are whole.
-fn time(case: &Case, rows: &mut [Option<Row>], journal: &Journal, progress: Progress) -> Result<(), Refusal> {
+/// Adds measured time to the rows that are whole, and answers where it was measured.
+fn time(
+    case: &Case,
+    rows: &mut [Option<Row>],
+    journal: &Journal,
+    progress: Progress,
+) -> Result<Option<Machine>, Refusal> {
     let sound: Vec<Settings> = rows
         .iter()
         .flatten()
-        .filter(|row| row.health != Zone::Diverged)
+        .filter(|row| row.health != Zone::Diverged && !row.capped)
         .map(|row| row.settings.clone())
         .collect();
-    let unknown: Vec<Settings> = sound.iter().filter(|s| journal.wants("time", s)).cloned().collect();
+    let unknown: Vec<Settings> = sound.iter().filter(|s| journal.wants(timing::STAGE, s)).cloned().collect();
     let times = match timing::measure(case, &unknown, progress) {
         Ok(times) => times,
-        Err(Stop::Cancelled) => return Ok(()),
+        Err(Stop::Cancelled) => return Ok(None),
         Err(Stop::Refused(refusal)) => return Err(refusal),
     };
-    let told = journal.each("time", &sound, progress, |settings| {
+    let told = journal.each(timing::STAGE, &sound, progress, |settings| {
         let measured = unknown.iter().zip(&times).find(|(known, _)| *known == settings);
-        measured.map(|(_, time)| *time).ok_or(Stop::Cancelled)
+        measured.map(|(_, time)| Measured::here(*time)).ok_or(Stop::Cancelled)
     })?;
-    let told: Vec<(Settings, Option<Option<Time>>)> = sound.into_iter().zip(told).collect();
+    let told: Vec<(Settings, Option<Measured<Option<Time>>>)> = sound.into_iter().zip(told).collect();
     for row in rows.iter_mut().flatten() {
-        let time = told.iter().find(|(settings, _)| *settings == row.settings).and_then(|(_, t)| t.flatten());
+        let measured = told.iter().find(|(settings, _)| *settings == row.settings);
+        let time = measured.and_then(|(_, measured)| measured.as_ref()?.found);
         row.seconds_per_simulated_second = time.map(|t| t.median);
         row.seconds_spread = time.map(|t| t.spread);
     }
-    Ok(())
+    Ok(Machine::together(told.into_iter().filter_map(|(_, measured)| Some(measured?.machine))))
 }
 
 /// Marks the rows that no other of the same model beats in both error and work. Errors under `floor` (m) count as equal.
 fn flag_pareto(rows: &mut [Row], floor: f64) {
     let worth = |row: &Row| {
-        let sound = row.same_model && row.health == Zone::Quiet;
+        let sound = row.same_model && row.health == Zone::Quiet && !row.capped;
         row.rms_error.filter(|_| sound).map(|error| (error.max(floor), row.spring_visits))
     };
     let points: Vec<_> = rows.iter().filter_map(worth).collect();
@@ -384,7 +408,9 @@ fn orders(rows: &[Row]) -> Vec<Order> {
         };
         let entry = simulators::find(simulator);
         let declared = entry.as_ref().map_or(0, |entry| entry.order);
-        let springs = entry.is_ok_and(|entry| entry.model == Model::Springs);
+        let springs = entry.as_ref().is_ok_and(|entry| entry.model == Model::Springs);
+        // One that chooses its own steps errs by its tolerance, not by dt.
+        let observed = observed.filter(|_| !entry.is_ok_and(super::adaptive));
         orders.push(Order {
             simulator: simulator.clone(),
             params: params.clone(),

@@ -1,9 +1,10 @@
 //! One run: a scene from the case's start over its time, sampled at equally spaced times, with its work and its health.
 
-use super::{Case, Event, Progress, Settings, Stop};
+use super::statistics::{Statistics, Watch};
+use super::{Case, Event, Progress, Stop};
 use crate::forces::Cost;
 use crate::scene::Scene;
-use crate::world::{Health, Measures, World};
+use crate::world::{Health, Measures};
 use glam::DVec3;
 
 /// What a run gave.
@@ -24,6 +25,10 @@ pub struct Trial {
     pub cost: Cost,
     /// What became of it.
     pub health: Health,
+    /// Whether it was given up because it would have cost too much.
+    pub given_up: bool,
+    /// Its statistics, where they were kept.
+    pub statistics: Option<Statistics>,
 }
 
 /// The three zones of a run.
@@ -49,7 +54,9 @@ impl From<Health> for Zone {
 }
 
 /// Steps between two questions whether to go on.
-const ASK_EVERY: u64 = 64;
+const ASK_EVERY: u64 = 16;
+/// Steps after which the work of a whole run is foreseen.
+const LOOK_AHEAD: u64 = 8;
 
 /// Energies added up along a run, by the trapezoidal rule over its steps.
 #[derive(Default)]
@@ -72,24 +79,34 @@ impl Ledger {
     }
 }
 
-/// Runs a case with some settings, keeping an energy ledger.
-///
-/// # Errors
-/// Settings that cannot be run, or a listener that stops it.
-pub fn run(case: &Case, settings: &Settings, progress: Progress) -> Result<Trial, Stop> {
-    steps(case, case.world(settings.apply(case.scene()))?, case.steps(settings.dt), true, progress)
+/// What is kept of a run besides its samples, and how much it may cost.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Keep {
+    /// An energy ledger: about two force evaluations a step more.
+    pub ledger: bool,
+    /// The statistics.
+    pub statistics: bool,
+    /// Most springs that may be looked at: a run that has passed it, or plainly will, is given up.
+    pub most_visits: Option<u64>,
 }
 
-/// Runs a case with an edited scene, without a ledger.
+/// Runs a case with an edited scene.
 ///
 /// # Errors
 /// A scene that cannot be run, or a listener that stops it.
 pub fn run_scene(case: &Case, scene: Scene, progress: Progress) -> Result<Trial, Stop> {
-    let count = case.steps(scene.dt);
-    steps(case, case.world(scene)?, count, false, progress)
+    run(case, scene, Keep::default(), progress)
 }
 
-fn steps(case: &Case, mut world: World, count: u64, ledger: bool, progress: Progress) -> Result<Trial, Stop> {
+/// The same, keeping more.
+///
+/// # Errors
+/// Those of [`run_scene`].
+pub fn run(case: &Case, scene: Scene, keep: Keep, progress: Progress) -> Result<Trial, Stop> {
+    let count = case.steps(scene.dt);
+    let mass = if keep.statistics { case.start().problem(&scene)?.0.mass } else { Vec::new() };
+    let mut watch = keep.statistics.then(|| Watch::new(mass, count));
+    let mut world = case.world(scene)?;
     let dt = world.scene().dt;
     let between = count / u64::from(case.samples.max(1));
     let mut samples = Vec::new();
@@ -97,17 +114,37 @@ fn steps(case: &Case, mut world: World, count: u64, ledger: bool, progress: Prog
     let before = world.measures();
     let mut book = Ledger { start: before.energy.total(), ..Ledger::default() };
     book.book(&before, 0.0);
+    let mut given_up = false;
+    if let Some(watch) = &mut watch {
+        watch.step(0, &world);
+    }
     for step in 1..=count {
         world.step();
         if world.health().is_diverged() {
             break;
         }
-        if ledger {
+        if keep.ledger {
             book.book(&world.measures(), dt);
+        }
+        if let Some(watch) = &mut watch {
+            watch.step(step, &world);
         }
         if step % between == 0 {
             max_strain = max_strain.max(world.measures().max_strain);
             samples.push(world.positions());
+            if let Some(watch) = &mut watch {
+                watch.sample(&world);
+            }
+        }
+        if let Some(most) = keep.most_visits {
+            let visits = world.cost().spring_visits;
+            // The first steps tell how long the rest will take: twice too long is plain enough.
+            let plain =
+                step == LOOK_AHEAD && visits as f64 * (count as f64 / step as f64) > 2.0 * most as f64;
+            if step < count && (visits > most || plain) {
+                given_up = true;
+                break;
+            }
         }
         if step % ASK_EVERY == 0 && !progress(Event::Alive) {
             return Err(Stop::Cancelled);
@@ -122,5 +159,7 @@ fn steps(case: &Case, mut world: World, count: u64, ledger: bool, progress: Prog
         steps: world.steps(),
         cost: world.cost(),
         health: world.health(),
+        given_up,
+        statistics: watch.map(|watch| watch.statistics()),
     })
 }

@@ -39,7 +39,7 @@ macro_rules! solved_by_newton {
             $(#[$meta])*
             $vis struct $name {
                 /// Most Newton steps for each time step; with 1 the springs are linear during the step.
-                newton_steps: u32 = 50, range 1.0..=1000.0, slider log 1.0..=50.0;
+                newton_steps: u32 = 50, range 1.0..=1000.0, slider log 1.0..=50.0, effort [1.0, 50.0];
                 /// Where solving ends: a correction in mean spring lengths, the residual of a linear system as a part of what it was.
                 tolerance: f64 = 1e-6, range 1e-14..=0.1, slider log 1e-10..=1e-2;
                 /// Most iterations of conjugate gradients for each Newton step.

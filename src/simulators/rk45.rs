@@ -21,7 +21,7 @@ crate::params! {
     /// Adaptive Dormand-Prince.
     pub struct Rk45 {
         /// Error allowed in an inner step: of a position, m; of a velocity over the fastest change of it, the same.
-        tolerance: f64 = 1e-8, unit "m", range 1e-14..=1.0, slider log 1e-12..=1e-3;
+        tolerance: f64 = 1e-8, unit "m", range 1e-14..=1.0, slider log 1e-12..=1e-3, effort [1e-4, 1e-6, 1e-8];
         /// Most inner steps in one dt.
         most_steps: u32 = 1000, range 1.0..=100_000_000.0, slider log 100.0..=1e6;
     }

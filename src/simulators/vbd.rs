@@ -29,7 +29,7 @@ crate::params! {
     /// Vertex block descent.
     pub struct Vbd {
         /// Sweeps over the particles in each step: towards implicit Euler, not beyond.
-        iterations: u32 = 20, range 1.0..=100_000.0, slider log 1.0..=200.0;
+        iterations: u32 = 20, range 1.0..=100_000.0, slider log 1.0..=200.0, effort [1.0, 5.0, 20.0, 80.0];
         /// Chebyshev acceleration: the part of its error that an iteration is taken to leave. 0 is none; too much makes the
         /// iterations burst.
         acceleration: f64 = 0.0, range 0.0..=0.9999, slider linear 0.0..=0.99;

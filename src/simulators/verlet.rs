@@ -55,7 +55,7 @@ crate::params! {
     /// Position Verlet with relaxation.
     pub struct Verlet {
         /// Sweeps of relaxation a step: more make the cloth stiffer and cost in proportion.
-        sweeps: u32 = 10, range 0.0..=100_000.0, slider log 1.0..=200.0;
+        sweeps: u32 = 10, range 0.0..=100_000.0, slider log 1.0..=200.0, effort [1.0, 4.0, 16.0, 64.0];
         /// Air: α = 1 - exp(-c dt / m) from the scene's air damping, the same decay whatever dt is. PerStep: the ratio
         /// below each step, as in the thesis.
         damping_law: DampingLaw = DampingLaw::Air;

@@ -36,9 +36,9 @@ crate::params! {
     /// Extended position-based dynamics.
     pub struct Xpbd {
         /// Substeps of each dt: the error falls in proportion.
-        substeps: u32 = 10, range 1.0..=100_000.0, slider log 1.0..=100.0;
+        substeps: u32 = 10, range 1.0..=100_000.0, slider log 1.0..=100.0, effort [1.0, 10.0, 100.0];
         /// Sweeps over the springs in each substep: towards backward Euler, not beyond.
-        iterations: u32 = 1, range 0.0..=100_000.0, slider log 1.0..=100.0;
+        iterations: u32 = 1, range 0.0..=100_000.0, slider log 1.0..=100.0, effort [1.0, 10.0, 100.0];
         /// AllDirections: spring damping as everywhere else. Along: only changes of length, as in the paper.
         damping: DampingDirection = DampingDirection::AllDirections;
     }

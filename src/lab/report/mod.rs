@@ -7,8 +7,9 @@ use super::ablation::Ablation;
 use super::advice::Advice;
 use super::stability::Stability;
 use super::timing::Machine;
-use super::trade::Trade;
+use super::trade::{Row, Trade};
 use super::trial::Zone;
+use crate::scene::Precision;
 use std::fmt::Write;
 
 pub use svg::{map, trade as trade_diagram};
@@ -91,10 +92,11 @@ pub fn trade(table: &Trade) -> String {
         let time = time.map_or_else(|| "-".to_owned(), |(t, [a, b])| format!("{t:.2e} ({a:.2e}, {b:.2e})"));
         let limit = row.limit_error.map_or_else(String::new, |e| format!(", {e:.2e} off its own limit"));
         let model = if row.same_model { String::new() } else { format!(", another model{limit}") };
+        let health = if row.capped { "given up" } else { zone(row.health) };
         let pareto = if row.pareto { ", best of its work" } else { "" };
         let _ = writeln!(
             text,
-            "{:36} {:>10.3e} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9} {:>10.3e} {:>10.3e} {:>21}  {}{model}{pareto}",
+            "{:36} {:>10.3e} {:>10} {:>10} {:>10} {:>10} {:>9} {:>9} {:>10.3e} {:>10.3e} {:>21}  {health}{model}{pareto}",
             row.settings.label(),
             row.settings.dt,
             told(row.rms_error),
@@ -105,27 +107,100 @@ pub fn trade(table: &Trade) -> String {
             number(row.max_strain),
             row.force_evaluations,
             row.spring_visits,
-            time,
-            zone(row.health)
+            time
         );
     }
     for order in &table.orders {
         let observed = order.observed.map_or_else(|| "not to be told".to_owned(), |o| format!("{o:.2}"));
         let flag = if order.flagged { "  (off by more than 0.2)" } else { "" };
-        let _ = writeln!(text, "order of {}: {observed}, declared {}{flag}", order.simulator, order.declared);
+        let words: Vec<_> = order.params.iter().map(|(name, value)| format!(" {name}={value}")).collect();
+        let name = format!("{}{}", order.simulator, words.concat());
+        let _ = writeln!(text, "order of {name}: {observed}, declared {}{flag}", order.declared);
     }
-    if table.rows.iter().any(|row| !row.same_model) {
-        text += "another model: springs are taken as rigid constraints; as dt goes to 0 the cloth does not approach the springs. \
-                 How stiff it looks is a matter of dt and sweeps: its strain falls with both.\n";
+    text += &statistics(table);
+    if table.rows.iter().any(|row| row.capped) {
+        text +=
+            "given up: its work passed the cap (so many springs looked at, not time), so it has no errors.\n";
     }
+    text += &another_model(table);
     text + &machine(table.machine.as_ref()) + &incomplete(table.missing)
+}
+
+/// How far the statistics of every run are from the reference's: all there is to compare once trajectories part.
+fn statistics(table: &Trade) -> String {
+    let Some(reference) = &table.reference else { return String::new() };
+    let own = &reference.statistics;
+    let period = own.period.map_or_else(|| "none".to_owned(), |period| format!("{period:.4} s"));
+    let strain: Vec<_> = own
+        .strain
+        .iter()
+        .map(|s| format!("{} {:.4} mean, {:.4} largest", s.kind, s.mean, s.largest))
+        .collect();
+    let mut text = format!(
+        "statistics of the reference: energies {:.4e} kinetic, {:.4e} gravitational, {:.4e} elastic J; period {period}; strain: {}\n\
+         {:36} {:>10} {:>10} {:>10} {:>10} {:>11} {:>14}\n",
+        own.energy[0],
+        own.energy[1],
+        own.energy[2],
+        strain.join("; "),
+        "off by",
+        "dt s",
+        "energy",
+        "centre m",
+        "period",
+        "mean strain",
+        "largest strain"
+    );
+    for row in &table.rows {
+        let Some(apart) = row.statistics.as_ref().map(|s| s.apart(own)) else { continue };
+        let _ = writeln!(
+            text,
+            "{:36} {:>10.3e} {:>10.2e} {:>10.2e} {:>10} {:>11.2e} {:>14.2e}",
+            row.settings.label(),
+            row.settings.dt,
+            apart.energy,
+            apart.centre,
+            apart.period.map_or_else(|| "-".to_owned(), |p| format!("{p:.2e}")),
+            apart.strain[0],
+            apart.strain[1]
+        );
+    }
+    text
+}
+
+/// What methods that solve another model do with dt and sweeps, with the figures of this scene.
+fn another_model(table: &Trade) -> String {
+    let told = |row: &&Row| {
+        !row.same_model && row.settings.precision == Precision::Double && row.max_strain.is_some()
+    };
+    let rows: Vec<&Row> = table.rows.iter().filter(told).collect();
+    let Some(coarsest) = rows.iter().rev().max_by(|a, b| a.settings.dt.total_cmp(&b.settings.dt)) else {
+        return String::new();
+    };
+    let strain = |row: &Row| number(row.max_strain);
+    let along_effort = rows.iter().filter(|row| row.settings.dt == coarsest.settings.dt);
+    let along_effort: Vec<_> =
+        along_effort.map(|row| format!("{} at {}", strain(row), row.settings.label())).collect();
+    let along_dt = rows.iter().filter(|row| row.settings.params == coarsest.settings.params);
+    let along_dt: Vec<_> =
+        along_dt.map(|row| format!("{} at dt {:.3e} s", strain(row), row.settings.dt)).collect();
+    format!(
+        "another model: springs are taken as rigid constraints; as dt goes to 0 the cloth does not approach the springs. How \
+         stiff it looks is a matter of dt and sweeps, not of stiffness. Its largest strain here, dt {:.3e} s: {}; {}: {}.\n",
+        coarsest.settings.dt,
+        along_effort.join(", "),
+        coarsest.settings.label(),
+        along_dt.join(", ")
+    )
 }
 
 /// The trade as CSV.
 pub fn trade_csv(table: &Trade) -> String {
     let mut text = "simulator,params,precision,dt,rms_error,max_error,relative_error,below_reference,equilibrium_error,\
                     limit_error,energy_drift,max_strain,force_evaluations,spring_visits,seconds_per_simulated_second,\
-                    fastest,slowest,same_model,health,pareto\n"
+                    fastest,slowest,same_model,health,pareto,capped,\
+                    kinetic,gravitational,elastic,centre_x,centre_y,centre_z,period,mean_stretch,largest_stretch,\
+                    mean_shear,largest_shear,mean_bend,largest_bend\n"
         .to_owned();
     let cell = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:?}"));
     for row in &table.rows {
@@ -151,8 +226,17 @@ pub fn trade_csv(table: &Trade) -> String {
             row.same_model.to_string(),
             zone(row.health).to_owned(),
             row.pareto.to_string(),
+            row.capped.to_string(),
         ];
         text += &cells.join(",");
+        let statistics = row.statistics.as_ref();
+        let strain = |kind: &str| statistics?.strain.iter().find(|s| s.kind == kind);
+        let strains = ["stretch", "shear", "bend"].map(|kind| strain(kind).map(|s| [s.mean, s.largest]));
+        let numbers = (0..3).map(|i| statistics.map(|s| s.energy[i]));
+        let numbers = numbers.chain((0..3).map(|i| statistics.map(|s| s.centre[i])));
+        let numbers = numbers.chain([statistics.and_then(|s| s.period)]);
+        let numbers = numbers.chain(strains.into_iter().flat_map(|s| [s.map(|s| s[0]), s.map(|s| s[1])]));
+        numbers.for_each(|number| text += &format!(",{}", cell(number)));
         text.push('\n');
     }
     text
@@ -216,6 +300,9 @@ pub fn ablation(table: &Ablation) -> String {
             row.verdict()
         );
     }
+    if !table.resolution_tried {
+        text += "a lower resolution was not tried: only a grid from its beginning can be made coarser here; import a coarser mesh\n";
+    }
     text += &table.proposal.as_ref().map_or_else(
         || "nothing can be left out\n".to_owned(),
         |p| {
@@ -261,6 +348,9 @@ pub fn advice(advice: &Advice) -> String {
         number(Some(advice.spring_visits)),
         advice.ms_per_frame.map_or_else(String::new, |ms| format!(", {ms:.4} ms a frame"))
     );
+    if advice.candidates.is_empty() {
+        return "no method was tried here: other shards have them\n".to_owned() + &incomplete(advice.missing);
+    }
     let margin =
         advice.stability_margin.map_or_else(|| "no limit".to_owned(), |m| format!("{m:.2} times dt"));
     let _ = writeln!(
@@ -271,11 +361,12 @@ pub fn advice(advice: &Advice) -> String {
     for c in &advice.candidates {
         let _ = writeln!(
             text,
-            "  {:36} dt {:.3e} s  error {} m  visits/s {:.3e}  {}",
+            "  {:36} dt {:.3e} s  error {} m  visits/s {:.3e}{}  {}",
             c.settings.label(),
             c.settings.dt,
             number(c.error),
             c.spring_visits,
+            c.ms_per_frame.map_or_else(String::new, |ms| format!("  {ms:.3} ms a frame")),
             if c.met { "meets it" } else { "does not meet it" }
         );
     }
