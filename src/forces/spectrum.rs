@@ -148,9 +148,7 @@ impl Spectrum {
         }
         let apply = |from: &[DVec3], to: &mut [DVec3]| self.apply(a, b, from, to);
         let Some(parts) = &self.parts else {
-            let mut search = Search::from(random_vector(&self.inverse_root), &apply);
-            while search.iterations < MOST && !search.iterate(&apply, LEAST, CHANGE) {}
-            return self.mode(&search.x);
+            return self.mode(&top_eigenvector(&self.inverse_root, &apply));
         };
         let mut parts = parts.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, mode)) = parts.known.iter().find(|(known, _)| *known == [a, b]) {
@@ -315,6 +313,13 @@ impl Search {
         let before = std::mem::replace(value, dot(x, ax));
         *iterations >= least && (*value - before).abs() <= change * value.abs()
     }
+}
+
+/// A unit eigenvector of a symmetric operator for its largest eigenvalue; `mask` is 0 where a particle cannot move.
+fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<DVec3> {
+    let mut search = Search::from(random_vector(mask), apply);
+    while search.iterations < MOST && !search.iterate(apply, LEAST, CHANGE) {}
+    search.x
 }
 
 /// A fixed unit vector with all frequencies in it, by xorshift64 (Marsaglia, "Xorshift RNGs", 2003).

@@ -22,6 +22,7 @@ impl Spectrum {
             pulls: vec![(0, mode.omega_squared, mode.damping)],
             spring_damping: 0.0,
             air_damping: 0.0,
+            parts: None,
         }
     }
 
