@@ -3,11 +3,11 @@
 use super::pull::{self, Pull};
 #[cfg(target_arch = "x86_64")]
 use super::sliced::{Components, Slices};
-use super::springs::{Incidence, SpringParams};
+use super::springs::SpringParams;
 use super::wind::Wind;
 use super::{air_damping, gravity, springs};
 use crate::math::{Real, Vector};
-use crate::model::{Particles, Springs, Topology};
+use crate::model::{Incidence, Numbering, Particles, Springs, Topology};
 use glam::DVec3;
 #[cfg(target_arch = "x86_64")]
 use std::sync::Mutex;
@@ -119,6 +119,12 @@ impl<T: Real> Problem<T> {
     pub fn set_springs(&mut self, set: &SpringSet<T>) {
         self.springs = Springs::new(set.topology, set.rest_positions, &set.params.kinds(), set.broken);
         self.spring_damping = T::from_f64(set.params.damping);
+        self.springs_changed();
+    }
+
+    /// Leads the springs, which were made for particles numbered as in their source, to particles in another numbering.
+    pub fn renumber_springs(&mut self, numbering: &Numbering) {
+        self.springs.renumber(numbering);
         self.springs_changed();
     }
 

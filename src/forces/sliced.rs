@@ -10,10 +10,9 @@
 //! On a mesh that is numbered along its rows nearly all slots lead to eight neighbours in a row. Those are read as they
 //! stand from an array for each component; the others are gathered one by one.
 
-use super::springs::Incidence;
 use crate::math::lanes::{Instructions, LANES, Lanes};
 use crate::math::{Real, Vector};
-use crate::model::{Particles, Springs};
+use crate::model::{Incidence, Particles, Springs};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
