@@ -1,5 +1,8 @@
 //! The scalar of a simulation, `f32` or `f64`, and its three-vector: the only place that knows both precisions.
 
+#[cfg(target_arch = "x86_64")]
+pub mod lanes;
+
 use glam::{DVec3, Vec3};
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -23,6 +26,9 @@ pub trait Real:
 {
     /// Three of these, from glam.
     type Vec3: Vector<Scalar = Self>;
+    /// Eight of these side by side.
+    #[cfg(target_arch = "x86_64")]
+    type Lanes: lanes::Lanes<Scalar = Self>;
     /// 0.
     const ZERO: Self;
     /// 1.
@@ -70,9 +76,11 @@ pub trait Vector:
 }
 
 macro_rules! precision {
-    ($real:ty, $vec:ty, $to_double:expr, $from_double:expr) => {
+    ($real:ty, $vec:ty, $lanes:ident, $to_double:expr, $from_double:expr) => {
         impl Real for $real {
             type Vec3 = $vec;
+            #[cfg(target_arch = "x86_64")]
+            type Lanes = lanes::$lanes;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const EPSILON: Self = <$real>::EPSILON;
@@ -117,5 +125,5 @@ macro_rules! precision {
     };
 }
 
-precision!(f32, Vec3, |v: Vec3| v.as_dvec3(), |v: DVec3| v.as_vec3());
-precision!(f64, DVec3, |v: DVec3| v, |v: DVec3| v);
+precision!(f32, Vec3, Single, |v: Vec3| v.as_dvec3(), |v: DVec3| v.as_vec3());
+precision!(f64, DVec3, Double, |v: DVec3| v, |v: DVec3| v);

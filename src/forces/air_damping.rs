@@ -2,9 +2,8 @@
 
 use crate::math::Real;
 
-/// Adds -c v to the force on every particle; `coefficient` is c, kg/s.
-pub fn add<T: Real>(coefficient: T, velocities: &[T::Vec3], force: &mut [T::Vec3]) {
-    for (f, &v) in force.iter_mut().zip(velocities) {
-        *f -= v * coefficient;
-    }
+/// -c v; `coefficient` is c, kg/s.
+#[inline]
+pub fn force<T: Real>(coefficient: T, velocity: T::Vec3) -> T::Vec3 {
+    -(velocity * coefficient)
 }

@@ -1,6 +1,6 @@
 //! Gravity: F = m g, along -y.
 
-use crate::math::{Real, Vector};
+use crate::math::Real;
 use glam::DVec3;
 
 crate::params! {
@@ -20,10 +20,8 @@ impl Gravity {
     }
 }
 
-/// Adds m g to the force on every particle.
-pub fn add<T: Real>(acceleration: DVec3, mass: &[T], force: &mut [T::Vec3]) {
-    let g = T::Vec3::from_f64(acceleration);
-    for (f, &m) in force.iter_mut().zip(mass) {
-        *f += g * m;
-    }
+/// m g.
+#[inline]
+pub fn force<T: Real>(acceleration: T::Vec3, mass: T) -> T::Vec3 {
+    acceleration * mass
 }

@@ -1,12 +1,16 @@
 //! What a method solves: masses, springs and forces, all constant during a step.
 
 use super::pull::{self, Pull};
-use super::springs::{Incidence, SpringParams};
+#[cfg(target_arch = "x86_64")]
+use super::sliced::{Components, Slices};
+use super::springs::SpringParams;
 use super::wind::Wind;
-use super::{air_damping, gravity, springs, wind};
+use super::{air_damping, gravity, springs};
 use crate::math::{Real, Vector};
-use crate::model::{Particles, Springs, Topology};
+use crate::model::{Incidence, Numbering, Particles, Springs, Topology};
 use glam::DVec3;
+#[cfg(target_arch = "x86_64")]
+use std::sync::Mutex;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -29,7 +33,7 @@ pub struct Cost {
     pub unsolved_steps: u64,
     /// Largest error that a solver left in a step, in units of the method's tolerance.
     pub residual: f64,
-    /// Particle at which the last of those steps was furthest from being solved.
+    /// Where, in the order of the state, the last of those steps was furthest from being solved.
     #[serde(skip)]
     pub unsolved_particle: u32,
 }
@@ -70,8 +74,13 @@ pub struct Problem<T: Real> {
     pub pulls: Vec<Pull<T>>,
     /// Threads of the current pool that forces may be shared among.
     pub threads: usize,
-    /// Made when first needed: one thread never needs it.
+    /// Made when first needed, as everything that is derived from the springs.
     incidence: OnceLock<Incidence>,
+    /// None where the processor lacks the instructions.
+    #[cfg(target_arch = "x86_64")]
+    slices: OnceLock<Option<Slices<T>>>,
+    #[cfg(target_arch = "x86_64")]
+    components: Mutex<Components<T>>,
     /// See [`Problem::revision`].
     revision: u64,
 }
@@ -103,6 +112,10 @@ impl<T: Real> Problem<T> {
             pulls: Vec::new(),
             threads: 1,
             incidence: OnceLock::new(),
+            #[cfg(target_arch = "x86_64")]
+            slices: OnceLock::new(),
+            #[cfg(target_arch = "x86_64")]
+            components: Mutex::default(),
             revision: 0,
         };
         problem.set_springs(springs);
@@ -113,6 +126,12 @@ impl<T: Real> Problem<T> {
     pub fn set_springs(&mut self, set: &SpringSet<T>) {
         self.springs = Springs::new(set.topology, set.rest_positions, &set.params.kinds(), set.broken);
         self.spring_damping = T::from_f64(set.params.damping);
+        self.springs_changed();
+    }
+
+    /// Leads the springs, which were made for particles numbered as in their source, to particles in another numbering.
+    pub fn renumber_springs(&mut self, numbering: &Numbering) {
+        self.springs.renumber(numbering);
         self.springs_changed();
     }
 
@@ -134,6 +153,10 @@ impl<T: Real> Problem<T> {
 
     fn springs_changed(&mut self) {
         self.incidence = OnceLock::new();
+        #[cfg(target_arch = "x86_64")]
+        {
+            self.slices = OnceLock::new();
+        }
         self.revision = next_revision();
     }
 
@@ -160,34 +183,69 @@ impl<T: Real> Problem<T> {
 
     /// The forces from outside the cloth in the state given, at its time: gravity, wind, hands. Overwrites `force` (N).
     pub fn external_forces(&self, state: &Particles<T>, force: &mut [T::Vec3]) {
-        force.fill(T::Vec3::ZERO);
-        if let Some(acceleration) = self.gravity {
-            gravity::add(acceleration, &self.mass, force);
-        }
-        if let Some(gusts) = &self.wind {
-            wind::add::<T>(gusts.force(state.time), force);
-        }
+        self.surroundings(state, T::ZERO)(0, force);
         pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 
     /// All forces on all particles in the state given, at its time. Overwrites `force` (N); counts one evaluation.
     pub fn forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
-        self.external_forces(state, force);
-        if self.air_damping > T::ZERO {
-            air_damping::add(self.air_damping, &state.velocities, force);
-        }
-        self.add_spring_forces(state, force, cost);
+        self.spring_forces(state, force, cost, self.surroundings(state, self.air_damping));
+        pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 
     /// Adds the forces of the springs to `force` (N); counts one evaluation.
     pub fn add_spring_forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
+        self.spring_forces(state, force, cost, |_, _| ());
+    }
+
+    /// Writes gravity, wind and air damping on the particles from an index on, in one pass.
+    fn surroundings<'a>(
+        &'a self,
+        state: &'a Particles<T>,
+        air_damping: T,
+    ) -> impl Fn(usize, &mut [T::Vec3]) + Sync + 'a {
+        let gravity = T::Vec3::from_f64(self.gravity.unwrap_or_default());
+        let wind = T::Vec3::from_f64(self.wind.as_ref().map_or(DVec3::ZERO, |wind| wind.force(state.time)));
+        move |first, force| {
+            let particles = self.mass[first..].iter().zip(&state.velocities[first..]);
+            for (f, (&m, &v)) in force.iter_mut().zip(particles) {
+                // From +0, so that no particle of no force has -0.
+                *f = T::Vec3::ZERO + gravity::force(gravity, m) + wind + air_damping::force(air_damping, v);
+            }
+        }
+    }
+
+    /// Lets `begin` write what acts besides, and adds the springs; every way to the last bit the same.
+    fn spring_forces(
+        &self,
+        state: &Particles<T>,
+        force: &mut [T::Vec3],
+        cost: &mut Cost,
+        begin: impl Fn(usize, &mut [T::Vec3]) + Sync,
+    ) {
+        cost.force_evaluations += 1;
+        cost.spring_visits += self.springs.len() as u64;
+        #[cfg(target_arch = "x86_64")]
+        if let Some(slices) = self.slices.get_or_init(|| Slices::new(self.particles(), &self.springs)) {
+            // Whoever holds it may have panicked: it is scratch all the same.
+            let mut components = self.components.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let parallel = self.parallel();
+            return slices.add(
+                &self.springs,
+                self.spring_damping,
+                state,
+                &mut components,
+                force,
+                parallel,
+                begin,
+            );
+        }
+        begin(0, force);
         if self.parallel() {
             springs::gather(&self.springs, self.incidence(), self.spring_damping, state, force);
         } else {
             springs::scatter(&self.springs, self.spring_damping, state, force);
         }
-        cost.force_evaluations += 1;
-        cost.spring_visits += self.springs.len() as u64;
     }
 
     /// Whether several threads are at hand and the cloth is large enough to share among them.

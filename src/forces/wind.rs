@@ -1,6 +1,5 @@
 //! Wind: an oscillating force that is the same for every particle, in simulated time.
 
-use crate::math::{Real, Vector};
 use glam::DVec3;
 
 crate::params! {
@@ -27,13 +26,5 @@ impl Wind {
         // Scaled first: the square of a very short direction's length would be 0.
         let direction = self.direction / self.direction.abs().max_element();
         direction.normalize_or_zero() * (self.strength * gust * gust)
-    }
-}
-
-/// Adds the wind to the force on every particle.
-pub fn add<T: Real>(wind: DVec3, force: &mut [T::Vec3]) {
-    let wind = T::Vec3::from_f64(wind);
-    for f in force.iter_mut() {
-        *f += wind;
     }
 }

@@ -1,6 +1,7 @@
-//! The springs that act: those enabled and whole, in the order of the topology, one contiguous group a kind.
+//! The springs that act: those enabled and whole, one contiguous group a kind, in the order of the topology or, where
+//! particles were renumbered, by their particles.
 
-use super::{SpringKind, Topology};
+use super::{Numbering, SpringKind, Topology};
 use crate::math::{Real, Vector};
 use std::ops::Range;
 
@@ -15,6 +16,7 @@ pub struct Springs<T: Real> {
     pub ids: Vec<u32>,
     /// The kinds present, each with its range of springs.
     pub groups: Vec<Group<T>>,
+    renumbered: bool,
 }
 
 /// All acting springs of one kind.
@@ -68,6 +70,36 @@ impl<T: Real> Springs<T> {
             }
         }
         springs
+    }
+
+    /// Leads every spring to its particles in another numbering, and sorts the springs of each kind by them, so that what
+    /// is worked on one after the other lies side by side.
+    pub fn renumber(&mut self, numbering: &Numbering) {
+        if numbering.is_identity() {
+            return;
+        }
+        self.renumbered = true;
+        for group in &self.groups {
+            let range = group.range.clone();
+            let mut order: Vec<(u64, u32)> = Vec::with_capacity(range.len());
+            order.extend(range.clone().map(|s| {
+                let [a, b] = self.pairs[s].map(|p| numbering.inner(p));
+                (u64::from(a.min(b)) << 32 | u64::from(a.max(b)), s as u32)
+            }));
+            order.sort_unstable();
+            let rest: Vec<T> = order.iter().map(|(_, s)| self.rest[*s as usize]).collect();
+            let ids: Vec<u32> = order.iter().map(|(_, s)| self.ids[*s as usize]).collect();
+            self.rest[range.clone()].copy_from_slice(&rest);
+            self.ids[range.clone()].copy_from_slice(&ids);
+            for (pair, (ends, _)) in self.pairs[range].iter_mut().zip(&order) {
+                *pair = [(ends >> 32) as u32, *ends as u32];
+            }
+        }
+    }
+
+    /// Whether they stand in the order of the topology, which is that in which they were made.
+    pub fn in_order_of_creation(&self) -> bool {
+        !self.renumbered
     }
 
     /// Takes springs out, keeping the order of the others; `torn` are sorted indices.

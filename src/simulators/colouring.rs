@@ -5,8 +5,8 @@
 //! springs, so it is the same for any number of threads.
 
 use crate::forces::Problem;
-use crate::forces::springs::Incidence;
 use crate::math::Real;
+use crate::model::Incidence;
 
 /// Things by colour.
 #[derive(Clone, Debug, Default)]
@@ -72,11 +72,6 @@ impl Colours {
         Self { order, ends }
     }
 
-    /// All of them, colour by colour.
-    pub fn order(&self) -> &[u32] {
-        &self.order
-    }
-
     /// The colours, one after the other.
     pub fn groups(&self) -> impl Iterator<Item = &[u32]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
@@ -84,9 +79,9 @@ impl Colours {
     }
 }
 
-/// The springs of a problem, colour by colour.
+/// The springs of a problem in an order of their own.
 #[derive(Clone, Debug, Default)]
-pub(super) struct ColouredSprings<T> {
+pub(super) struct OrderedSprings<T> {
     /// Their two particles.
     pub pairs: Vec<[u32; 2]>,
     /// Rest lengths, m.
@@ -97,16 +92,30 @@ pub(super) struct ColouredSprings<T> {
     revision: u64,
 }
 
-impl<T: Real> ColouredSprings<T> {
-    /// Takes over the springs of a problem, unless they are here already.
-    pub fn prepare(&mut self, problem: &Problem<T>) {
+impl<T: Real> OrderedSprings<T> {
+    /// Takes over the springs of a problem colour by colour, unless they are here already.
+    pub fn by_colour(&mut self, problem: &Problem<T>) {
+        self.take(problem, || Colours::of_pairs(problem.particles(), &problem.springs.pairs).order);
+    }
+
+    /// Takes over the springs of a problem in the order in which they were made, unless they are here already.
+    pub fn by_creation(&mut self, problem: &Problem<T>) {
+        self.take(problem, || {
+            let ids = &problem.springs.ids;
+            let mut order: Vec<u32> = (0..ids.len() as u32).collect();
+            order.sort_unstable_by_key(|s| ids[*s as usize]);
+            order
+        });
+    }
+
+    fn take(&mut self, problem: &Problem<T>, order: impl FnOnce() -> Vec<u32>) {
         if self.revision == problem.revision() {
             return;
         }
         let springs = &problem.springs;
-        let colours = Colours::of_pairs(problem.particles(), &springs.pairs);
         let stiffness = springs.stiffness_of_each();
-        let order = || colours.order().iter().map(|s| *s as usize);
+        let order = order();
+        let order = || order.iter().map(|s| *s as usize);
         self.pairs = order().map(|s| springs.pairs[s]).collect();
         self.rest = order().map(|s| springs.rest[s]).collect();
         self.stiffness = order().map(|s| stiffness[s]).collect();
@@ -135,7 +144,7 @@ mod tests {
                 ends.dedup();
                 assert_eq!(ends.len(), count);
             }
-            let mut all = colours.order().to_vec();
+            let mut all = colours.order.clone();
             all.sort_unstable();
             assert!(all.into_iter().eq(0..pairs.len() as u32));
         }

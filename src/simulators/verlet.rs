@@ -14,7 +14,7 @@
 //! It solves another model than the springs: stiffness and spring damping are ignored, and how stiff the cloth looks is
 //! a matter of dt and sweeps. Any dt stays bounded. A sweep costs about one force evaluation.
 
-use super::colouring::ColouredSprings;
+use super::colouring::OrderedSprings;
 use super::inertia::velocities_of_the_way;
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
@@ -74,8 +74,8 @@ crate::params! {
 pub struct Buffers<T: Real> {
     force: Vec<T::Vec3>,
     start: Vec<T::Vec3>,
-    /// Empty unless the order is that of colours.
-    coloured: ColouredSprings<T>,
+    /// Empty where the springs of the problem stand in the order asked for.
+    ordered: OrderedSprings<T>,
 }
 
 impl Simulator for Verlet {
@@ -94,7 +94,7 @@ impl Simulator for Verlet {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { force, start, coloured } = scratch;
+        let Buffers { force, start, ordered } = scratch;
         force.resize(state.len(), T::Vec3::default());
         problem.external_forces(state, force);
         cost.force_evaluations += 1;
@@ -106,12 +106,15 @@ impl Simulator for Verlet {
             let ratio = if w > T::ZERO { kept.ratio(problem.mass[i]) } else { T::ONE };
             *x += (*v * ratio + force[i] * (w * dt)) * dt;
         }
-        let (pairs, rest) = match self.order {
-            Order::Creation => (&problem.springs.pairs, &problem.springs.rest),
-            Order::Coloured => {
-                coloured.prepare(problem);
-                (&coloured.pairs, &coloured.rest)
+        let as_they_stand = self.order == Order::Creation && problem.springs.in_order_of_creation();
+        let (pairs, rest) = if as_they_stand {
+            (&problem.springs.pairs, &problem.springs.rest)
+        } else {
+            match self.order {
+                Order::Creation => ordered.by_creation(problem),
+                Order::Coloured => ordered.by_colour(problem),
             }
+            (&ordered.pairs, &ordered.rest)
         };
         for _ in 0..self.sweeps {
             match self.correction {

@@ -15,7 +15,7 @@
 //! about one force evaluation. Many substeps of one iteration beat one step of many iterations: choose it for stiff
 //! cloth within a fixed budget, where an explicit method would need a smaller dt than the budget allows.
 
-use super::colouring::ColouredSprings;
+use super::colouring::OrderedSprings;
 use super::inertia::{Inertia, velocities_of_the_way};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
@@ -50,7 +50,7 @@ pub struct Buffers<T: Real> {
     inertia: Inertia<T>,
     /// Positions at the start of the substep, m.
     start: Vec<T::Vec3>,
-    springs: ColouredSprings<T>,
+    springs: OrderedSprings<T>,
     /// Multipliers of the springs and of their damping.
     lambdas: Vec<(T, T::Vec3)>,
 }
@@ -71,7 +71,7 @@ impl Simulator for Xpbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        scratch.springs.prepare(problem);
+        scratch.springs.by_colour(problem);
         let beginning = state.time;
         let substep = dt.to_f64() / f64::from(self.substeps);
         for n in 0..self.substeps {

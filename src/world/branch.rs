@@ -1,13 +1,14 @@
 //! Experiments on a state: worlds that start from a snapshot, with other settings or from another place.
 
-use super::cloth::Cloth;
+use super::cloth::{Cloth, Shape};
 use super::{AnyState, Health, Jitter, Ledger, Snapshot, World, build_cloth};
 use crate::forces::{Cost, Problem};
 use crate::math::{Real, Vector};
-use crate::model::{Memory, Particles, Topology};
+use crate::model::{Memory, Numbering, Particles, Topology};
 use crate::scene::{Place, Refusal, Scene};
 use crate::target::QuadMesh;
 use glam::DVec3;
+use std::sync::Arc;
 
 impl Snapshot {
     /// A world that goes on from here with an edited scene of the same target: its steps and work are counted from 0, its
@@ -64,24 +65,37 @@ impl Snapshot {
         };
         let state = Particles {
             time: self.time(),
-            positions: positions.to_vec(),
-            velocities: velocities.to_vec(),
+            positions: self.shape.numbering.to_inner(positions),
+            velocities: self.shape.numbering.to_inner(velocities),
             broken,
             memory: Memory::default(),
         };
         Self { state: AnyState::Double(state), ..self.clone() }
     }
 
-    /// What a method solves here with an edited scene of the same target, in double precision, and the state.
+    /// What a method solves here with an edited scene of the same target, in double precision, and the state; both in the
+    /// order of the target's particles.
     ///
     /// # Errors
     /// Those of [`branch`](Self::branch).
     pub fn problem(&self, scene: &Scene) -> Result<(Problem<f64>, Particles<f64>), Refusal> {
         let scene = Scene { precision: crate::scene::Precision::Double, ..scene.clone() };
-        match self.branch(scene)?.cloth {
+        match self.in_order_of_the_target().branch(scene)?.cloth {
             super::AnyCloth::Double(Cloth { problem, state, .. }) => Ok((problem, state)),
             super::AnyCloth::Single(_) => Err(Refusal::new("precision: Double was asked for")),
         }
+    }
+
+    /// The same state, stored as the target's particles stand.
+    fn in_order_of_the_target(&self) -> Self {
+        let Shape { mesh, topology, numbering } = &*self.shape;
+        let mut same = self.clone();
+        if !numbering.is_identity() {
+            let own = Arc::new(Numbering::default());
+            same.state.renumber(numbering, &own);
+            same.shape = Arc::new(Shape { mesh: mesh.clone(), topology: topology.clone(), numbering: own });
+        }
+        same
     }
 
     /// Simulated time, s.
@@ -106,13 +120,13 @@ impl Snapshot {
 
     /// Positions, m, and velocities, m/s.
     pub fn motion(&self) -> (Vec<DVec3>, Vec<DVec3>) {
-        fn double<T: Real>(state: &Particles<T>) -> (Vec<DVec3>, Vec<DVec3>) {
-            let all = |from: &[T::Vec3]| from.iter().map(|v| v.to_f64()).collect();
+        fn double<T: Real>(state: &Particles<T>, numbering: &Numbering) -> (Vec<DVec3>, Vec<DVec3>) {
+            let all = |from: &[T::Vec3]| numbering.in_source_order(from).map(|v| v.to_f64()).collect();
             (all(&state.positions), all(&state.velocities))
         }
         match &self.state {
-            AnyState::Single(s) => double(s),
-            AnyState::Double(s) => double(s),
+            AnyState::Single(s) => double(s, &self.shape.numbering),
+            AnyState::Double(s) => double(s, &self.shape.numbering),
         }
     }
 }

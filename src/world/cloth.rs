@@ -1,31 +1,62 @@
 //! One cloth in one precision: its problem, its state, and the method that steps it.
+//!
+//! Problem and state are numbered for locality. Everybody outside names particles as the target does: what takes or gives
+//! a particle here translates.
 
 use super::hand::{Grip, Hand};
 use crate::forces::pull::Pull;
 use crate::forces::springs::SpringParams;
 use crate::forces::{Cost, Problem, SpringSet};
 use crate::math::{Real, Vector};
-use crate::model::{Particles, Topology};
+use crate::model::{Numbering, Particles, Topology};
 use crate::scene::{Refusal, Scene};
 use crate::simulators::{Build, Stepper};
 use crate::target::QuadMesh;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// What a scene's target amounts to.
 #[derive(Debug)]
 pub(super) struct Shape {
     pub mesh: QuadMesh,
     pub topology: Topology,
+    pub numbering: Arc<Numbering>,
+}
+
+impl Shape {
+    pub fn of(mesh: QuadMesh) -> Self {
+        let topology = Topology::of(&mesh);
+        let numbering = Arc::new(Numbering::of(mesh.positions.len(), &topology));
+        Self { mesh, topology, numbering }
+    }
 }
 
 pub(super) struct Cloth<T: Real> {
     pub problem: Problem<T>,
     pub state: Particles<T>,
+    numbering: Arc<Numbering>,
     stepper: Box<dyn Stepper<T>>,
-    /// The shape that rest lengths are measured on, m.
+    /// The shape that rest lengths are measured on, in the order of the target, m.
     rest_positions: Vec<T::Vec3>,
     /// Mean rest length of the springs that act, m; 0 without springs.
     pub mean_rest: f64,
+}
+
+impl<T: Real> Cloth<T> {
+    /// Where a particle stands in problem and state.
+    pub fn index(&self, particle: u32) -> usize {
+        self.numbering.inner(particle) as usize
+    }
+
+    /// The particle that stands somewhere in problem and state.
+    pub fn particle(&self, index: u32) -> u32 {
+        self.numbering.source(index)
+    }
+
+    /// What stands in the order of problem and state, in that of the target.
+    pub fn by_particle<V: Copy>(&self, values: &[V]) -> impl Iterator<Item = V> {
+        self.numbering.in_source_order(values)
+    }
 }
 
 impl<T: Build> Cloth<T> {
@@ -38,16 +69,19 @@ impl<T: Build> Cloth<T> {
     ) -> Result<Self, Refusal> {
         let rest_positions: Vec<T::Vec3> =
             shape.mesh.positions.iter().map(|p| T::Vec3::from_f64(*p)).collect();
-        let state = state.unwrap_or_else(|| Particles::at_rest(rest_positions.clone()));
+        let numbering = Arc::clone(&shape.numbering);
+        let state = state.unwrap_or_else(|| Particles::at_rest(numbering.to_inner(&rest_positions)));
         let set = SpringSet {
             topology: &shape.topology,
             rest_positions: &rest_positions,
             params: &scene.springs,
             broken: &state.broken,
         };
-        let problem = Problem::new(mass.iter().map(|m| T::from_f64(*m)).collect(), &set);
+        let mass: Vec<T> = mass.iter().map(|m| T::from_f64(*m)).collect();
+        let mut problem = Problem::new(numbering.to_inner(&mass), &set);
+        problem.renumber_springs(&numbering);
         let stepper = T::build(&scene.simulator)?;
-        let mut cloth = Self { problem, state, stepper, rest_positions, mean_rest: 0.0 };
+        let mut cloth = Self { problem, state, numbering, stepper, rest_positions, mean_rest: 0.0 };
         cloth.measure_rest();
         cloth.set_environment(scene);
         Ok(cloth)
@@ -73,6 +107,7 @@ impl<T: Build> Cloth<T> {
             params,
             broken: &self.state.broken,
         });
+        self.problem.renumber_springs(&self.numbering);
         self.measure_rest();
     }
 
@@ -99,28 +134,36 @@ impl<T: Build> Cloth<T> {
         &*self.stepper
     }
 
+    /// Makes a particle immovable, or free.
+    pub fn set_fixed(&mut self, particle: u32, fixed: bool) {
+        self.problem.set_fixed(self.index(particle), fixed);
+    }
+
     /// Takes over where hands that pull will be at the end of the next step.
     pub fn set_pulls(&mut self, hands: &[Hand]) {
         self.problem.pulls.clear();
         for hand in hands {
             if let Grip::Pull(stiffness) = hand.grip {
-                let (to, mass) = (T::Vec3::from_f64(hand.next()), self.problem.mass[hand.particle as usize]);
-                self.problem.pulls.push(Pull::new(hand.particle, to, stiffness, mass));
+                let (to, index) = (T::Vec3::from_f64(hand.next()), self.index(hand.particle));
+                let mass = self.problem.mass[index];
+                self.problem.pulls.push(Pull::new(index as u32, to, stiffness, mass));
             }
         }
     }
 
     pub fn position(&self, particle: u32) -> DVec3 {
-        self.state.positions[particle as usize].to_f64()
+        self.state.positions[self.index(particle)].to_f64()
     }
 
     pub fn set_position(&mut self, particle: u32, to: DVec3) {
-        self.state.positions[particle as usize] = T::Vec3::from_f64(to);
+        let index = self.index(particle);
+        self.state.positions[index] = T::Vec3::from_f64(to);
     }
 
     /// Zero is taken as +0, so that x + dt v leaves every bit of x alone.
     pub fn set_velocity(&mut self, particle: u32, velocity: DVec3) {
-        self.state.velocities[particle as usize] = T::Vec3::from_f64(velocity + DVec3::ZERO);
+        let index = self.index(particle);
+        self.state.velocities[index] = T::Vec3::from_f64(velocity + DVec3::ZERO);
     }
 
     /// Breaks every acting spring longer than `max_ratio` x its rest length, all judged on the same positions; answers

@@ -122,13 +122,13 @@ impl Ledger {
         }
         for hand in hands.iter().filter(|h| h.next() != h.at()) {
             let energy = |k: f64, a: DVec3, b: DVec3, rest: f64| 0.5 * k * ((a - b).length() - rest).powi(2);
-            let (from, to) = (hand.at(), hand.next());
+            let (from, to, index) = (hand.at(), hand.next(), cloth.index(hand.particle));
             let mut work = 0.0;
             if let Grip::Pull(k) = hand.grip {
-                let x = state.positions[hand.particle as usize].to_f64();
+                let x = state.positions[index].to_f64();
                 work = energy(k, to, x, 0.0) - energy(k, from, x, 0.0);
             } else {
-                for &[other, spring] in cloth.problem.incidence().around(hand.particle as usize) {
+                for &[other, spring] in cloth.problem.incidence().around(index) {
                     let spring = spring as usize;
                     let (anchor, rest) =
                         (state.positions[other as usize].to_f64(), springs.rest[spring].to_f64());
@@ -165,12 +165,12 @@ impl Ledger {
 
 /// The first particle that is not finite, else the fastest.
 fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
-    let states = || cloth.state.positions.iter().zip(&cloth.state.velocities);
-    let finite = |(x, v): (&T::Vec3, &T::Vec3)| x.to_f64().is_finite() && v.to_f64().is_finite();
-    let speed = |v: &T::Vec3| v.to_f64().length_squared();
-    let broken = states().position(|state| !finite(state));
+    let positions = cloth.by_particle(&cloth.state.positions);
+    let velocities = || cloth.by_particle(&cloth.state.velocities);
+    let finite = |(x, v): (T::Vec3, T::Vec3)| x.to_f64().is_finite() && v.to_f64().is_finite();
+    let broken = positions.zip(velocities()).position(|state| !finite(state));
     let fastest = || {
-        let speeds = cloth.state.velocities.iter().map(speed).enumerate();
+        let speeds = velocities().map(|v| v.to_f64().length_squared()).enumerate();
         speeds.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i)
     };
     broken.unwrap_or_else(fastest) as u32
@@ -180,7 +180,7 @@ fn worst<T: Real>(cloth: &Cloth<T>) -> u32 {
 /// step, and where the cloth is not linear it may stay bounded. Looks closely at a few steps out of many.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Jitter {
-    /// Particles that have turned round in every step of this look, with their last velocity, m/s.
+    /// Where particles stand that have turned round in every step of this look, with their last velocity, m/s.
     shaking: Vec<(u32, DVec3)>,
     /// Steps of this look so far.
     looked: u64,
@@ -213,7 +213,7 @@ impl Jitter {
             turned && now.length() > least
         });
         self.looked += 1;
-        let found = self.shaking.first().filter(|_| self.looked >= TURNS).map(|(p, _)| *p);
+        let found = self.shaking.first().filter(|_| self.looked >= TURNS).map(|(p, _)| cloth.particle(*p));
         if self.looked >= TURNS {
             self.shaking.clear();
         }

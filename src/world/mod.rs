@@ -17,7 +17,7 @@ pub use recording::{Entry, Recording};
 
 use crate::forces::{Cost, Spectrum};
 use crate::math::{Real, Vector};
-use crate::model::{Memory, Particles, Topology};
+use crate::model::{Memory, Numbering, Particles, Topology};
 use crate::scene::{Built, Place, Precision, Refusal, Scene};
 use crate::target::{ImportReport, QuadMesh};
 use cloth::{Cloth, Shape};
@@ -299,6 +299,7 @@ impl World {
                 let mut state = self.state();
                 if new_target {
                     state.forget_torn();
+                    state.renumber(&self.shape.numbering, &shape.numbering);
                 }
                 Some(state)
             };
@@ -355,11 +356,11 @@ impl World {
         let threads = self.threads.as_ref().map_or(1, |pool| pool.current_num_threads());
         on!(&mut self.cloth, c => {
             c.problem.threads = threads;
-            for (i, pinned) in self.pinned.iter().enumerate() {
-                c.problem.set_fixed(i, *pinned);
+            for (particle, pinned) in (0..).zip(&self.pinned) {
+                c.set_fixed(particle, *pinned);
             }
             for hand in self.hands.iter().filter(|h| h.holds()) {
-                c.problem.set_fixed(hand.particle as usize, true);
+                c.set_fixed(hand.particle, true);
             }
             c.set_pulls(&self.hands);
         });
@@ -390,7 +391,7 @@ impl World {
             }
             let shaking = on!(&self.cloth, c => self.jitter.step(c, self.step, dt));
             let unsettled = if self.cost.unsolved_steps > unsolved {
-                Some((self.cost.unsolved_particle, Cause::Unsolved))
+                Some((on!(&self.cloth, c => c.particle(self.cost.unsolved_particle)), Cause::Unsolved))
             } else {
                 shaking.map(|particle| (particle, Cause::Shaking))
             };
@@ -608,18 +609,20 @@ impl World {
 
     /// Positions, m.
     pub fn positions(&self) -> Vec<DVec3> {
-        on!(&self.cloth, c => c.state.positions.iter().map(|p| p.to_f64()).collect())
+        on!(&self.cloth, c => c.by_particle(&c.state.positions).map(|p| p.to_f64()).collect())
     }
 
     /// Velocities, m/s.
     pub fn velocities(&self) -> Vec<DVec3> {
-        on!(&self.cloth, c => c.state.velocities.iter().map(|v| v.to_f64()).collect())
+        on!(&self.cloth, c => c.by_particle(&c.state.velocities).map(|v| v.to_f64()).collect())
     }
 
     /// Writes the positions (m) in single precision, as pictures need them, over `into`.
     pub fn positions_f32(&self, into: &mut Vec<[f32; 3]>) {
         into.clear();
-        on!(&self.cloth, c => into.extend(c.state.positions.iter().map(|p| p.to_f64().as_vec3().to_array())));
+        on!(&self.cloth, c => {
+            into.extend(c.by_particle(&c.state.positions).map(|p| p.to_f64().as_vec3().to_array()));
+        });
     }
 
     /// Writes |d|/L - 1 of every acting spring with its index among all springs over `into`.
@@ -676,6 +679,21 @@ impl AnyState {
         }
     }
 
+    /// Leads a state from one inner numbering to another of as many particles.
+    fn renumber(&mut self, from: &Numbering, to: &Numbering) {
+        fn lead<T: Real>(state: &mut Particles<T>, from: &Numbering, to: &Numbering) {
+            for values in [&mut state.positions, &mut state.velocities] {
+                let in_source_order: Vec<_> = from.in_source_order(values).collect();
+                *values = to.to_inner(&in_source_order);
+            }
+            state.memory.forget();
+        }
+        match self {
+            Self::Single(s) => lead(s, from, to),
+            Self::Double(s) => lead(s, from, to),
+        }
+    }
+
     fn forget_torn(&mut self) {
         match self {
             Self::Single(s) => s.broken.clear(),
@@ -697,8 +715,7 @@ fn convert<A: Real, B: Real>(state: &Particles<A>) -> Particles<B> {
 
 fn build_shape(scene: &Scene, place: &Place) -> Result<(Arc<Shape>, Arc<ImportReport>), Refusal> {
     let Built { mesh, report } = scene.target.build(place)?;
-    let topology = Topology::of(&mesh);
-    Ok((Arc::new(Shape { mesh, topology }), Arc::new(report)))
+    Ok((Arc::new(Shape::of(mesh)), Arc::new(report)))
 }
 
 fn build_cloth(scene: &Scene, shape: &Shape, state: Option<AnyState>) -> Result<AnyCloth, Refusal> {

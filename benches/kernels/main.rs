@@ -1,0 +1,204 @@
+//! Nanoseconds per spring visit of every method beside the machine's bounds and hand-written kernels, all in one run.
+//!
+//! `cargo bench --no-default-features --bench kernels`: explicit steps in every size, order of numbering, precision and
+//! number of threads; `-- methods`: one line for every method; `-- large`: 1000² particles too. Candidates take turns and
+//! each keeps its shortest time, so that what else the machine does hits all of them alike.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+mod reference;
+
+use glam::DVec3;
+use reference::Reference;
+use std::fmt::Write as _;
+use std::time::{Duration, Instant};
+use tenter::scene::{GridTarget, Pin, Pins, Place, Precision, Scene, Target};
+use tenter::simulators::{self, SimulatorSettings};
+use tenter::target::grid;
+use tenter::world::World;
+
+/// A sheet on two corners, numbered along its rows or at random. The step is far below the limit, so that no method bursts.
+fn sheet(side: u32, shuffled: bool, simulator: &str, precision: Precision, threads: usize) -> World {
+    let mut scene = Scene {
+        target: Target::Grid(GridTarget { columns: side, rows: side, ..GridTarget::default() }),
+        pins: Pins::of([Pin::Corners(1)]),
+        simulator: SimulatorSettings::new(simulator),
+        precision,
+        dt: 1e-4,
+        ..Scene::default()
+    };
+    let mut place = Place::default();
+    if shuffled {
+        let path = std::env::temp_dir().join(format!("tenter-bench-{}-{side}.obj", std::process::id()));
+        std::fs::write(&path, shuffled_obj(side)).unwrap();
+        place.allow(&path);
+        scene.target = Target::mesh(path.to_str().unwrap());
+        scene.pins = Pins::of([Pin::Particle(0), Pin::Particle(side)]);
+        let world = World::new(scene, place).expect("a mesh");
+        std::fs::remove_file(&path).unwrap();
+        return crumpled(&world, threads);
+    }
+    crumpled(&World::new(scene, place).expect("a sheet"), threads)
+}
+
+/// The world with its particles a little out of place. In a flat sheet at rest only what comes from the pins moves, with
+/// speeds far away that are too small to be normal numbers, and a processor takes a hundred times as long for those.
+fn crumpled(world: &World, threads: usize) -> World {
+    let snapshot = world.snapshot();
+    let (mut positions, velocities) = snapshot.motion();
+    positions
+        .iter_mut()
+        .zip(world.pinned())
+        .filter(|(_, pinned)| !**pinned)
+        .for_each(|(x, _)| *x += crumple(*x));
+    let moved = snapshot.moved(&positions, &velocities);
+    let mut world = moved.branch(world.scene().clone()).expect("the same scene");
+    world.set_threads(threads).expect("threads");
+    world
+}
+
+/// How far out of place, m: up to a hundredth of a spring.
+fn crumple(at: DVec3) -> DVec3 {
+    DVec3::new((at.x * 5.1 + at.z).sin(), (at.x * 3.7 + at.z * 4.3).sin(), (at.z * 6.1 + at.x).sin()) * 0.01
+}
+
+/// The same number for every particle of a mesh at every run: a permutation by xorshift64 (Marsaglia, "Xorshift RNGs", 2003).
+fn permutation(count: usize) -> Vec<u32> {
+    let mut seed = 0x2545_f491_4f6c_dd1d_u64;
+    let mut order: Vec<u32> = (0..count as u32).collect();
+    for i in (1..count).rev() {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        order.swap(i, (seed % (i as u64 + 1)) as usize);
+    }
+    order
+}
+
+/// A sheet whose vertices and faces stand in a random order.
+fn shuffled_obj(side: u32) -> String {
+    let mesh = grid(side, side, 1.0, false);
+    let order = permutation(mesh.positions.len());
+    let mut names = vec![0; order.len()];
+    let mut text = String::new();
+    for (name, &vertex) in order.iter().enumerate() {
+        names[vertex as usize] = name + 1;
+        let p = mesh.positions[vertex as usize];
+        writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
+    }
+    for f in permutation(mesh.face_count()) {
+        let corners = mesh.face(f as usize);
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| names[corners[i] as usize]);
+        writeln!(text, "f {a} {b} {c} {d}").unwrap();
+    }
+    text
+}
+
+/// Something that is timed: does work and says how many springs it visited.
+type Candidate<'a> = (String, Box<dyn FnMut() -> u64 + 'a>);
+
+/// Shortest time per visit of each candidate, ns: they take turns of a few milliseconds.
+fn race(candidates: &mut [Candidate], seconds: f64) -> Vec<f64> {
+    const TURN: Duration = Duration::from_millis(3);
+    let mut best = vec![f64::INFINITY; candidates.len()];
+    let end = Instant::now() + Duration::from_secs_f64(seconds * candidates.len() as f64);
+    let mut rounds = 0;
+    while rounds < 3 || Instant::now() < end {
+        for (best, (_, work)) in best.iter_mut().zip(&mut *candidates) {
+            let turn = Instant::now();
+            while turn.elapsed() < TURN {
+                let start = Instant::now();
+                let mut visits = work();
+                // As many as take long beside reading the clock.
+                while visits < 20_000 {
+                    visits += work();
+                }
+                *best = best.min(start.elapsed().as_secs_f64() * 1e9 / visits as f64);
+            }
+        }
+        rounds += 1;
+    }
+    best
+}
+
+fn step(mut world: World) -> Box<dyn FnMut() -> u64> {
+    Box::new(move || {
+        let before = world.cost().spring_visits;
+        world.step();
+        assert!(!world.health().is_diverged(), "a world that stands still is no measure");
+        world.cost().spring_visits - before
+    })
+}
+
+fn explicit(sides: &[u32]) {
+    use Precision::{Double, Single};
+    println!(
+        "symplectic Euler, whole step of a world, ns per spring visit; ratios to the half gather and the stencil"
+    );
+    println!(
+        "mesh             bound   list half-gather stencil | Single  ratio  ratio | two threads | Double   to Single"
+    );
+    let mut in_order = f64::NAN;
+    for &side in sides {
+        for shuffled in [false, true] {
+            let of = |precision, threads| step(sheet(side, shuffled, "symplectic_euler", precision, threads));
+            let reference = |kernel: fn(&mut Reference)| {
+                let mut reference = Reference::new(side);
+                Box::new(move || {
+                    kernel(&mut reference);
+                    reference.springs()
+                })
+            };
+            let mut candidates: Vec<Candidate> = vec![
+                ("list".into(), reference(Reference::list)),
+                ("half gather".into(), reference(Reference::half_gather)),
+                ("stencil".into(), reference(Reference::stencil)),
+                ("Single".into(), of(Single, 1)),
+                ("two threads".into(), of(Single, 2)),
+                ("Double".into(), of(Double, 1)),
+            ];
+            let best = race(&mut candidates, 0.4);
+            let [list, half, stencil, single, two, double] = best[..] else { unreachable!() };
+            let name = if shuffled { "shuffled" } else { "in order" };
+            println!(
+                "{side:4}² {name}    {:5.2}  {list:5.2}  {half:6.2}    {stencil:5.2}   | {single:5.2}  {:5.2}  {:5.2}  | {two:5.2} ({:4.2}x) | {double:5.2}  {:5.2}",
+                reference::bound(side),
+                single / half,
+                single / stencil,
+                single / two,
+                double / single,
+            );
+            if shuffled {
+                println!("      shuffled to in order: {:.2}", single / in_order);
+            } else {
+                in_order = single;
+            }
+        }
+    }
+}
+
+fn methods(sides: &[u32]) {
+    println!("every method, Single, in order: ns per spring visit, and microseconds a step");
+    for entry in simulators::ALL {
+        print!("{:20}", entry.id);
+        for &side in sides {
+            let mut world = sheet(side, false, entry.id, Precision::Single, 1);
+            world.step();
+            let visits = world.cost().spring_visits as f64;
+            world.step();
+            let visits = world.cost().spring_visits as f64 - visits;
+            let best = race(&mut [(entry.id.into(), step(world))], 0.3)[0];
+            print!("  {side}²: {best:6.2} {:9.1}", best * visits / 1e3);
+        }
+        println!();
+    }
+}
+
+fn main() {
+    let asked = |word: &str| std::env::args().any(|argument| argument == word);
+    let sides: &[u32] = if asked("large") { &[25, 100, 316, 1000] } else { &[25, 100, 316] };
+    if asked("methods") {
+        methods(sides);
+    } else {
+        explicit(sides);
+    }
+}

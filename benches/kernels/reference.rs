@@ -1,0 +1,303 @@
+//! What the library's kernels are held against: the plain list, and two kernels written by hand for a sheet that is
+//! numbered along its rows, in single precision and on one thread. None of them watches, tears or draws.
+
+use std::arch::x86_64::{
+    __m128, __m256, _CMP_GT_OQ, _mm_add_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_sub_ps, _mm256_add_ps,
+    _mm256_and_ps, _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_cmp_ps, _mm256_div_ps,
+    _mm256_extractf128_ps, _mm256_insertf128_ps, _mm256_loadu_ps, _mm256_mul_ps, _mm256_set1_ps,
+    _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_sub_ps, _mm256_unpackhi_ps,
+    _mm256_unpacklo_ps,
+};
+use tenter::model::Topology;
+use tenter::target::grid;
+
+const LANES: usize = 8;
+/// The scene's: stiffness by kind, damping of springs and air, gravity, dt.
+const STIFFNESS: [f32; 3] = [1000.0, 300.0, 100.0];
+const DAMPING: f32 = 2.0;
+const AIR: f32 = 1.0;
+const GRAVITY: f32 = -10.0;
+const DT: f32 = 1e-4;
+
+/// A sheet with its springs as a list, and by first particle.
+pub struct Reference {
+    side: usize,
+    inverse_mass: Vec<f32>,
+    x: Vec<[f32; 4]>,
+    v: Vec<[f32; 4]>,
+    f: Vec<[f32; 4]>,
+    /// Pair, rest length and stiffness of each spring.
+    list: Vec<([u32; 2], f32, f32)>,
+    /// Groups of the springs that each particle is the first of.
+    ends: Vec<u32>,
+    groups: Vec<Group>,
+    /// Positions and velocities by component, for the stencil.
+    rows: [Vec<f32>; 6],
+    sums: [Vec<f32>; 3],
+}
+
+/// Eight springs of one particle; a lane without a spring leads to the particle itself.
+struct Group {
+    to: [u32; LANES],
+    rest: [f32; LANES],
+    stiffness: [f32; LANES],
+}
+
+/// Least time per spring and step, ns, at 30 GB/s and at 6.7 thousand million roots and as many divisions a second: the
+/// larger of what must be read and written of particles and springs, if they do not fit the caches, and of what is computed.
+pub fn bound(side: u32) -> f64 {
+    let (particles, springs) = (f64::from(side * side), 6.0 * f64::from(side * side));
+    // Positions and velocities read and written, mass and force; index and rest length of a spring.
+    let bytes = particles * (4.0 * 12.0 + 4.0 + 24.0) + springs * 8.0;
+    let memory = if bytes > 32e6 { bytes / 30.0 } else { bytes / 90.0 };
+    (memory / springs).max(2.0 / 6.7)
+}
+
+impl Reference {
+    pub fn new(side: u32) -> Self {
+        let mesh = grid(side, side, 1.0, false);
+        let topology = Topology::of(&mesh);
+        let crumpled = mesh.positions.iter().map(|p| *p + super::crumple(*p));
+        let x: Vec<[f32; 4]> = crumpled.map(|p| [p.x as f32, p.y as f32, p.z as f32, 0.0]).collect();
+        let mut inverse_mass = vec![1.0; x.len()];
+        (inverse_mass[0], inverse_mass[side as usize - 1]) = (0.0, 0.0);
+        let springs = topology.pairs.iter().zip(STIFFNESS);
+        let list: Vec<_> = springs
+            .flat_map(|(pairs, k)| pairs.iter().map(move |p| (*p, k)))
+            .map(|(pair, k)| {
+                let [a, b] = pair.map(|p| mesh.positions[p as usize]);
+                (pair, a.distance(b) as f32, k)
+            })
+            .collect();
+        let mut own = vec![Vec::new(); x.len()];
+        for &([i, j], rest, k) in &list {
+            own[i as usize].push((j, rest, k));
+        }
+        let (mut ends, mut groups) = (Vec::new(), Vec::new());
+        for (i, own) in own.iter().enumerate() {
+            for springs in own.chunks(LANES) {
+                let mut group = Group { to: [i as u32; LANES], rest: [1.0; LANES], stiffness: [0.0; LANES] };
+                for (lane, (j, rest, k)) in springs.iter().enumerate() {
+                    (group.to[lane], group.rest[lane], group.stiffness[lane]) = (*j, *rest, *k);
+                }
+                groups.push(group);
+            }
+            ends.push(groups.len() as u32);
+        }
+        let rows = std::array::from_fn(|c| x.iter().map(|x| if c < 3 { x[c] } else { 0.0 }).collect());
+        let zeros = vec![[0.0; 4]; x.len()];
+        let sums = std::array::from_fn(|_| vec![0.0; x.len()]);
+        let side = side as usize;
+        Self { side, inverse_mass, v: zeros.clone(), f: zeros, x, list, ends, groups, rows, sums }
+    }
+
+    pub fn springs(&self) -> u64 {
+        self.list.len() as u64
+    }
+
+    fn begin(&mut self) {
+        for (f, v) in self.f.iter_mut().zip(&self.v) {
+            *f = [-AIR * v[0], GRAVITY - AIR * v[1], -AIR * v[2], 0.0];
+        }
+    }
+
+    fn update(&mut self) {
+        let particles = self.x.iter_mut().zip(&mut self.v).zip(&self.f).zip(&self.inverse_mass);
+        for (((x, v), f), w) in particles {
+            for c in 0..4 {
+                v[c] += f[c] * (w * DT);
+                x[c] += v[c] * DT;
+            }
+        }
+    }
+
+    /// A step, spring by spring.
+    pub fn list(&mut self) {
+        self.begin();
+        for &([i, j], rest, k) in &self.list {
+            let [i, j] = [i as usize, j as usize];
+            let ([xi, xj], [vi, vj]) = ([self.x[i], self.x[j]], [self.v[i], self.v[j]]);
+            let d = [xj[0] - xi[0], xj[1] - xi[1], xj[2] - xi[2]];
+            let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+            let tension = if length > 0.0 { k * (length - rest) / length } else { 0.0 };
+            for c in 0..3 {
+                let pull = d[c] * tension + (vj[c] - vi[c]) * DAMPING;
+                self.f[i][c] += pull;
+                self.f[j][c] -= pull;
+            }
+        }
+        self.update();
+    }
+
+    /// A step, eight springs of a particle at once.
+    #[allow(unsafe_code)]
+    pub fn half_gather(&mut self) {
+        assert!(std::arch::is_x86_feature_detected!("avx2"), "the reference needs AVX2");
+        self.begin();
+        // SAFETY: the instructions are there, and every index is that of a particle.
+        unsafe { self.half_gather_forces() };
+        self.update();
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[allow(unsafe_code)]
+    unsafe fn half_gather_forces(&mut self) {
+        let one = |value: f32| _mm256_set1_ps(value);
+        let mut first = 0;
+        for (i, &end) in self.ends.iter().enumerate() {
+            let (xi, vi) = (self.x[i], self.v[i]);
+            let mut own = _mm256_castps256_ps128(_mm256_setzero_ps());
+            for group in &self.groups[std::mem::replace(&mut first, end as usize)..end as usize] {
+                // SAFETY: as above; eight numbers stand in each array of a group.
+                let (x, v, rest, k) = unsafe {
+                    let [rest, k] = [&group.rest, &group.stiffness].map(|a| _mm256_loadu_ps(a.as_ptr()));
+                    (columns(&self.x, &group.to), columns(&self.v, &group.to), rest, k)
+                };
+                let d = [
+                    _mm256_sub_ps(x[0], one(xi[0])),
+                    _mm256_sub_ps(x[1], one(xi[1])),
+                    _mm256_sub_ps(x[2], one(xi[2])),
+                ];
+                let u = [
+                    _mm256_sub_ps(v[0], one(vi[0])),
+                    _mm256_sub_ps(v[1], one(vi[1])),
+                    _mm256_sub_ps(v[2], one(vi[2])),
+                ];
+                let (xx, yy, zz) =
+                    (_mm256_mul_ps(d[0], d[0]), _mm256_mul_ps(d[1], d[1]), _mm256_mul_ps(d[2], d[2]));
+                let length = _mm256_sqrt_ps(_mm256_add_ps(_mm256_add_ps(xx, yy), zz));
+                let tension = _mm256_div_ps(_mm256_mul_ps(k, _mm256_sub_ps(length, rest)), length);
+                let some = _mm256_cmp_ps::<_CMP_GT_OQ>(length, _mm256_setzero_ps());
+                let (tension, damping) = (_mm256_and_ps(tension, some), one(DAMPING));
+                let pull = [
+                    _mm256_add_ps(_mm256_mul_ps(d[0], tension), _mm256_mul_ps(u[0], damping)),
+                    _mm256_add_ps(_mm256_mul_ps(d[1], tension), _mm256_mul_ps(u[1], damping)),
+                    _mm256_add_ps(_mm256_mul_ps(d[2], tension), _mm256_mul_ps(u[2], damping)),
+                ];
+                let pulls = transposed([pull[0], pull[1], pull[2], _mm256_setzero_ps()]);
+                for (lane, two) in pulls.into_iter().enumerate() {
+                    let halves = [_mm256_castps256_ps128(two), _mm256_extractf128_ps::<1>(two)];
+                    for (half, to) in halves.into_iter().zip([group.to[lane], group.to[lane + 4]]) {
+                        own = _mm_add_ps(own, half);
+                        // SAFETY: a particle's index, and four numbers stand there.
+                        unsafe {
+                            let f = self.f.get_unchecked_mut(to as usize).as_mut_ptr();
+                            _mm_storeu_ps(f, _mm_sub_ps(_mm_loadu_ps(f), half));
+                        }
+                    }
+                }
+            }
+            let f: &mut [f32; 4] = &mut self.f[i];
+            // SAFETY: four numbers stand there.
+            unsafe { _mm_storeu_ps(f.as_mut_ptr(), _mm_add_ps(_mm_loadu_ps(f.as_ptr()), own)) };
+        }
+    }
+
+    /// A step on the structure of the sheet: no indices and one rest length a kind, row by row.
+    #[allow(unsafe_code)]
+    pub fn stencil(&mut self) {
+        assert!(std::arch::is_x86_feature_detected!("avx2"), "the reference needs AVX2");
+        // SAFETY: the instructions are there.
+        unsafe { self.stencil_step() };
+    }
+
+    #[target_feature(enable = "avx2")]
+    fn stencil_step(&mut self) {
+        let Self { side, rows, sums, inverse_mass, .. } = self;
+        let side = *side;
+        for c in 0..3 {
+            let begin = if c == 1 { GRAVITY } else { 0.0 };
+            sums[c].iter_mut().zip(&rows[c + 3]).for_each(|(f, v)| *f = begin - AIR * v);
+        }
+        let diagonal = 2f32.sqrt();
+        // Each neighbour to the right or below: kind, columns, rows and rest length.
+        let neighbours = [
+            (0, 1, 0, 1.0),
+            (0, 0, 1, 1.0),
+            (1, 1, 1, diagonal),
+            (1, -1, 1, diagonal),
+            (2, 2, 0, 2.0),
+            (2, 0, 2, 2.0),
+        ];
+        for row in 0..side {
+            for (kind, right, below, rest) in neighbours {
+                if row + below >= side {
+                    continue;
+                }
+                let (skip, count) = (usize::from(right < 0), side - isize::unsigned_abs(right));
+                let first = row * side + skip;
+                let second = (first + below * side).wrapping_add_signed(right);
+                line(rows, sums, first, second, count, rest, STIFFNESS[kind]);
+            }
+        }
+        let [x, y, z, u, v, w] = rows;
+        for ((x, v), f) in [(x, u), (y, v), (z, w)].into_iter().zip(sums) {
+            for (((x, v), f), m) in x.iter_mut().zip(v).zip(f).zip(&*inverse_mass) {
+                *v += *f * (m * DT);
+                *x += *v * DT;
+            }
+        }
+    }
+}
+
+/// The springs from `count` particles in a row to as many others in a row.
+#[inline(always)]
+fn line(
+    rows: &[Vec<f32>; 6],
+    sums: &mut [Vec<f32>; 3],
+    first: usize,
+    second: usize,
+    count: usize,
+    rest: f32,
+    k: f32,
+) {
+    const MOST: usize = 1024;
+    let mut pulls = [[0.0f32; MOST]; 3];
+    let [px, py, pz] = &mut pulls;
+    let own = |c: usize| &rows[c][first..][..count];
+    let other = |c: usize| &rows[c][second..][..count];
+    let (a, b) = (
+        [own(0), own(1), own(2), own(3), own(4), own(5)],
+        [other(0), other(1), other(2), other(3), other(4), other(5)],
+    );
+    let (px, py, pz) = (&mut px[..count], &mut py[..count], &mut pz[..count]);
+    for l in 0..count {
+        let (dx, dy, dz) = (b[0][l] - a[0][l], b[1][l] - a[1][l], b[2][l] - a[2][l]);
+        let length = (dx * dx + dy * dy + dz * dz).sqrt();
+        let tension = k * (length - rest) / length;
+        let tension = if length > 0.0 { tension } else { 0.0 };
+        px[l] = dx * tension + (b[3][l] - a[3][l]) * DAMPING;
+        py[l] = dy * tension + (b[4][l] - a[4][l]) * DAMPING;
+        pz[l] = dz * tension + (b[5][l] - a[5][l]) * DAMPING;
+    }
+    for (sum, pull) in sums.iter_mut().zip([px, py, pz]) {
+        sum[first..][..count].iter_mut().zip(&*pull).for_each(|(f, p)| *f += *p);
+        sum[second..][..count].iter_mut().zip(&*pull).for_each(|(f, p)| *f -= *p);
+    }
+}
+
+/// The components of eight vectors.
+#[target_feature(enable = "avx2")]
+#[allow(unsafe_code)]
+unsafe fn columns(vectors: &[[f32; 4]], at: &[u32; LANES]) -> [__m256; 3] {
+    // SAFETY: the caller's indices are those of particles, and four numbers stand there.
+    let vector = |lane: usize| -> __m128 {
+        unsafe { _mm_loadu_ps(vectors.get_unchecked(at[lane] as usize).as_ptr()) }
+    };
+    let two = |lane: usize| _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(vector(lane)), vector(lane + 4));
+    let [x, y, z, _] = transposed([two(0), two(1), two(2), two(3)]);
+    [x, y, z]
+}
+
+/// Two 4 x 4 matrices, each in one half, turned over.
+#[target_feature(enable = "avx2")]
+fn transposed([a, b, c, d]: [__m256; 4]) -> [__m256; 4] {
+    let (ab, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+    let (cd, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+    [
+        _mm256_shuffle_ps::<0x44>(ab, cd),
+        _mm256_shuffle_ps::<0xee>(ab, cd),
+        _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+        _mm256_shuffle_ps::<0xee>(ab_high, cd_high),
+    ]
+}

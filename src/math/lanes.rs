@@ -1,0 +1,191 @@
+//! Eight numbers side by side, for kernels that work on eight springs at once where the processor has AVX2.
+//!
+//! Every operation is that of the scalar, correctly rounded, lane by lane: a kernel of lanes gives the bits of the plain
+//! loop that it stands for. That rules out what processors round each in their own way or not twice where the loop does:
+//! fused multiplication and addition, estimates of reciprocals and of reciprocal roots; and sums across lanes.
+
+use super::{Real, Vector};
+use bytemuck::cast;
+use pulp::x86::V3;
+use std::arch::x86_64::{__m128, __m256, __m256d, _CMP_GT_OQ};
+use std::ops::{Add, Div, Mul, Sub};
+
+/// How many numbers stand side by side.
+pub const LANES: usize = 8;
+
+/// The proof that this processor has the instructions.
+pub type Instructions = V3;
+
+/// Eight numbers.
+pub trait Lanes:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// The number.
+    type Scalar: Real;
+    /// The same number eight times.
+    fn splat(with: Instructions, value: Self::Scalar) -> Self;
+    /// These numbers.
+    fn of(with: Instructions, values: [Self::Scalar; LANES]) -> Self;
+    /// The numbers.
+    fn to_array(self) -> [Self::Scalar; LANES];
+    /// Square roots.
+    fn sqrt(self) -> Self;
+    /// Itself where `of` is above 0, else 0.
+    fn where_positive(self, of: Self) -> Self;
+    /// The x, the y and the z of the vectors at eight places.
+    fn components(
+        with: Instructions,
+        vectors: &[<Self::Scalar as Real>::Vec3],
+        at: &[u32; LANES],
+    ) -> [Self; 3];
+
+    /// The first eight numbers of a slice.
+    #[inline(always)]
+    fn load(with: Instructions, from: &[Self::Scalar]) -> Self {
+        let mut values = [Self::Scalar::ZERO; LANES];
+        values.copy_from_slice(&from[..LANES]);
+        Self::of(with, values)
+    }
+}
+
+/// Eight `f32`: one register.
+#[derive(Clone, Copy, Debug)]
+pub struct Single(V3, __m256);
+
+/// Eight `f64`: two registers.
+#[derive(Clone, Copy, Debug)]
+pub struct Double(V3, [__m256d; 2]);
+
+macro_rules! operators {
+    ($($operator:ident $method:ident $single:ident $double:ident;)*) => {$(
+        impl $operator for Single {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(self.0, self.0.avx.$single(self.1, other.1))
+            }
+        }
+        impl $operator for Double {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                let [a, b] = self.1;
+                let [c, d] = other.1;
+                Self(self.0, [self.0.avx.$double(a, c), self.0.avx.$double(b, d)])
+            }
+        }
+    )*};
+}
+
+operators! {
+    Add add _mm256_add_ps _mm256_add_pd;
+    Sub sub _mm256_sub_ps _mm256_sub_pd;
+    Mul mul _mm256_mul_ps _mm256_mul_pd;
+    Div div _mm256_div_ps _mm256_div_pd;
+}
+
+impl Lanes for Single {
+    type Scalar = f32;
+
+    #[inline(always)]
+    fn splat(with: V3, value: f32) -> Self {
+        Self(with, with.avx._mm256_set1_ps(value))
+    }
+
+    #[inline(always)]
+    fn of(with: V3, values: [f32; LANES]) -> Self {
+        Self(with, cast(values))
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [f32; LANES] {
+        cast(self.1)
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0, self.0.avx._mm256_sqrt_ps(self.1))
+    }
+
+    #[inline(always)]
+    fn where_positive(self, of: Self) -> Self {
+        let avx = self.0.avx;
+        let positive = avx._mm256_cmp_ps::<_CMP_GT_OQ>(of.1, avx._mm256_setzero_ps());
+        Self(self.0, avx._mm256_and_ps(self.1, positive))
+    }
+
+    #[inline(always)]
+    fn components(with: V3, vectors: &[glam::Vec3], at: &[u32; LANES]) -> [Self; 3] {
+        let avx = with.avx;
+        let vector = |lane: usize| -> __m128 {
+            let [x, y, z] = Vector::to_array(vectors[at[lane] as usize]);
+            with.sse._mm_set_ps(0.0, z, y, x)
+        };
+        let pair = |lane: usize| {
+            avx._mm256_insertf128_ps::<1>(avx._mm256_castps128_ps256(vector(lane)), vector(lane + 4))
+        };
+        let (a, b, c, d) = (pair(0), pair(1), pair(2), pair(3));
+        let (xy, z) = (avx._mm256_unpacklo_ps(a, b), avx._mm256_unpackhi_ps(a, b));
+        let (xy_next, z_next) = (avx._mm256_unpacklo_ps(c, d), avx._mm256_unpackhi_ps(c, d));
+        [
+            Self(with, avx._mm256_shuffle_ps::<0x44>(xy, xy_next)),
+            Self(with, avx._mm256_shuffle_ps::<0xee>(xy, xy_next)),
+            Self(with, avx._mm256_shuffle_ps::<0x44>(z, z_next)),
+        ]
+    }
+}
+
+impl Lanes for Double {
+    type Scalar = f64;
+
+    #[inline(always)]
+    fn splat(with: V3, value: f64) -> Self {
+        Self(with, [with.avx._mm256_set1_pd(value); 2])
+    }
+
+    #[inline(always)]
+    fn of(with: V3, values: [f64; LANES]) -> Self {
+        Self(with, cast(values))
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [f64; LANES] {
+        cast(self.1)
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        let [a, b] = self.1;
+        Self(self.0, [self.0.avx._mm256_sqrt_pd(a), self.0.avx._mm256_sqrt_pd(b)])
+    }
+
+    #[inline(always)]
+    fn where_positive(self, of: Self) -> Self {
+        let avx = self.0.avx;
+        let half = |value, of| {
+            avx._mm256_and_pd(value, avx._mm256_cmp_pd::<_CMP_GT_OQ>(of, avx._mm256_setzero_pd()))
+        };
+        Self(self.0, [half(self.1[0], of.1[0]), half(self.1[1], of.1[1])])
+    }
+
+    #[inline(always)]
+    fn components(with: V3, vectors: &[glam::DVec3], at: &[u32; LANES]) -> [Self; 3] {
+        let avx = with.avx;
+        let vector = |lane: usize| -> __m256d {
+            let [x, y, z] = Vector::to_array(vectors[at[lane] as usize]);
+            avx._mm256_set_pd(0.0, z, y, x)
+        };
+        let half = |lane: usize| {
+            let (a, b, c, d) = (vector(lane), vector(lane + 1), vector(lane + 2), vector(lane + 3));
+            let (xz, y) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
+            let (xz_next, y_next) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));
+            [
+                avx._mm256_permute2f128_pd::<0x20>(xz, xz_next),
+                avx._mm256_permute2f128_pd::<0x20>(y, y_next),
+                avx._mm256_permute2f128_pd::<0x31>(xz, xz_next),
+            ]
+        };
+        let ([x, y, z], [x_next, y_next, z_next]) = (half(0), half(4));
+        [Self(with, [x, x_next]), Self(with, [y, y_next]), Self(with, [z, z_next])]
+    }
+}
