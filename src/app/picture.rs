@@ -130,7 +130,7 @@ pub fn of_world(gpu: &Gpu, world: &World, size: [u32; 2], style: &Style) -> Resu
 }
 
 /// The nearest turn from the usual one that shows about as much of the surface as any: cloth seen edge on is a line.
-fn telling_yaw(camera: Camera, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f32 {
+pub(super) fn telling_yaw(camera: Camera, positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f32 {
     const ENOUGH: f32 = 0.8;
     let yaws = [0, 1, -1, 2, -2, 3, -3, 4].map(|turn: i8| camera.yaw + f32::from(turn) * FRAC_PI_4);
     let mut shown = [0.0_f32; 8];

@@ -128,10 +128,10 @@ impl Target {
     /// As [`build`](Self::build).
     pub fn surface(&self, place: &Place) -> Result<Surface, Refusal> {
         match self {
-            Self::Grid(grid) => {
-                Ok(Surface::of_grid(&self.build(place)?.mesh, grid.columns, grid.rows))
+            Self::Grid(grid) => Ok(Surface::of_grid(&self.build(place)?.mesh, grid.columns, grid.rows)),
+            Self::Mesh(mesh) => {
+                Ok(place.import(&mesh.path, &mesh.options(true))?.surface.unwrap_or_default())
             }
-            Self::Mesh(mesh) => Ok(place.import(&mesh.path, &mesh.options(true))?.surface.unwrap_or_default()),
         }
     }
 

@@ -193,8 +193,13 @@ fn from_gltf(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Re
             }
             let surface = options.surface.then(|| {
                 let (particles, triangles) = (&particles, &raw);
-                let faces =
-                    gltf::Faces { positions: &positions, particles, triangles, mesh: &mesh, sources: &sources };
+                let faces = gltf::Faces {
+                    positions: &positions,
+                    particles,
+                    triangles,
+                    mesh: &mesh,
+                    sources: &sources,
+                };
                 scene.surface(instance.mesh, &shown, &faces)
             });
             *cached = Some(Part { mesh, recovery, mended, surface });
