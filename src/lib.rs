@@ -4,6 +4,7 @@
 #[cfg(feature = "app")]
 pub mod app;
 pub mod cli;
+pub mod export;
 pub mod forces;
 pub mod lab;
 pub mod math;

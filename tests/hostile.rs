@@ -15,7 +15,9 @@ use tenter::target::{Import, ImportError, ImportOptions, grid, import_bytes, imp
 
 /// Imports, and tells how many bytes were held for it at most.
 fn measured(name: &str, bytes: &[u8], weld: f64) -> (Result<Import, ImportError>, usize) {
-    memory::measured(|| import_bytes(name, bytes, None, &ImportOptions { scale: 1.0, weld }))
+    memory::measured(|| {
+        import_bytes(name, bytes, None, &ImportOptions { scale: 1.0, weld, ..ImportOptions::default() })
+    })
 }
 
 /// Imports, and asserts what holds for every input.

@@ -213,20 +213,24 @@ fn scale_and_weld_are_applied() {
     assert_eq!(particles(0.0), (30, 2));
     assert_eq!(particles(1e-6), (25, 1));
     let towel = folder.join("obj/towel_thick_40x20.obj");
-    let coarse = import_file(&towel, &ImportOptions { scale: 0.5, weld: 0.01 }).unwrap();
+    let coarse =
+        import_file(&towel, &ImportOptions { scale: 0.5, weld: 0.01, ..ImportOptions::default() }).unwrap();
     assert!(
         coarse.report.warnings.iter().any(|w| w.contains("weld tolerance")),
         "{:?}",
         coarse.report.warnings
     );
     let plain = import(&towel).unwrap();
-    let half = import_file(&towel, &ImportOptions { scale: 0.5, weld: 0.0 }).unwrap();
+    let half =
+        import_file(&towel, &ImportOptions { scale: 0.5, weld: 0.0, ..ImportOptions::default() }).unwrap();
     assert_eq!(half.mesh.positions, plain.mesh.positions.iter().map(|p| *p * 0.5).collect::<Vec<_>>());
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
-        import_file(&towel, &ImportOptions { scale: bad, weld: 0.0 }).unwrap_err();
+        import_file(&towel, &ImportOptions { scale: bad, weld: 0.0, ..ImportOptions::default() })
+            .unwrap_err();
     }
     for bad in [f64::NAN, -1e-9, 1.5] {
-        import_file(&towel, &ImportOptions { scale: 1.0, weld: bad }).unwrap_err();
+        import_file(&towel, &ImportOptions { scale: 1.0, weld: bad, ..ImportOptions::default() })
+            .unwrap_err();
     }
 }
 

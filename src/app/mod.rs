@@ -4,6 +4,7 @@ pub mod camera;
 pub mod display;
 pub mod engine;
 pub mod files;
+pub mod film;
 pub mod gallery;
 pub mod geometry;
 pub mod gpu;

@@ -2,6 +2,7 @@
 
 mod ablate;
 mod advise;
+mod export;
 mod info;
 mod lab;
 mod listing;
@@ -61,6 +62,8 @@ enum Command {
     Replay(replay::Options),
     /// Draws a picture of a scene without a window.
     Render(render::Options),
+    /// Writes a scene's motion for other programs: meshes, point caches, pictures, a table.
+    Export(export::Options),
 }
 
 /// Options that every command takes.
@@ -138,6 +141,7 @@ fn dispatch(line: CommandLine) -> Result<Ending, Refusal> {
         Some(Command::Simulators(options)) => listing::simulators(&options),
         Some(Command::Replay(options)) => replay::replay(&options),
         Some(Command::Render(options)) => render::render(&options),
+        Some(Command::Export(options)) => export::export(&options),
         None => workbench::workbench(&line.workbench),
     }
 }

@@ -24,7 +24,7 @@ pub struct Options {
     common: Common,
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+pub fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |text: &str| text.parse().ok().filter(|side| *side > 0);
     let sides = text.split_once(['x', 'X']).and_then(|(width, height)| Some([side(width)?, side(height)?]));
     sides.ok_or_else(|| "accepted: width x height in pixels, as in 1280x800".to_owned())

@@ -1,6 +1,7 @@
 //! Files that are written whole or not at all.
 
 use super::Refusal;
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -28,15 +29,34 @@ impl Pending {
         Ok(Self { file, path: path.to_owned() })
     }
 
+    /// The file beside its place, for content that comes in pieces.
+    pub fn file(&self) -> &File {
+        self.file.as_file()
+    }
+
+    /// What to say of an error in writing it.
+    pub fn failed(&self, error: impl std::fmt::Display) -> Refusal {
+        Refusal::new(format!("{}: cannot be written: {error}", self.path.display()))
+    }
+
     /// Writes the content and puts the file into its place.
     ///
     /// # Errors
     /// The file cannot be written; then there is none.
     pub fn finish(mut self, content: &[u8]) -> Result<(), Refusal> {
-        let failed =
-            |e: std::io::Error| Refusal::new(format!("{}: cannot be written: {e}", self.path.display()));
-        self.file.write_all(content).and_then(|()| self.file.as_file().sync_all()).map_err(failed)?;
-        self.file.persist(&self.path).map_err(|e| failed(e.error))?;
+        self.file.write_all(content).map_err(|e| self.failed(e))?;
+        self.keep()
+    }
+
+    /// Puts what was written into its place.
+    ///
+    /// # Errors
+    /// As [`finish`](Self::finish).
+    pub fn keep(self) -> Result<(), Refusal> {
+        self.file().sync_all().map_err(|e| self.failed(e))?;
+        let path = self.path;
+        let failed = |e: std::io::Error| Refusal::new(format!("{}: cannot be written: {e}", path.display()));
+        self.file.persist(&path).map_err(|e| failed(e.error))?;
         Ok(())
     }
 }

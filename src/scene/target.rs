@@ -2,7 +2,7 @@
 
 use super::{Place, Refusal};
 use crate::params::{self, InPlace, Info, Param, Params, Visitor};
-use crate::target::{self, Import, ImportOptions, ImportReport, QuadMesh};
+use crate::target::{self, Import, ImportOptions, ImportReport, QuadMesh, Surface};
 use serde::de::{self, Deserialize, Deserializer, VariantAccess};
 use serde::ser::SerializeStructVariant;
 use serde::{Serialize, Serializer};
@@ -42,6 +42,12 @@ crate::params! {
         /// Vertices nearer than this part of the bounding box's diagonal become one particle; those at exactly the
         /// same place always do.
         weld: f64 = 0.0, range 0.0..=1.0, slider linear 0.0..=0.001;
+    }
+}
+
+impl MeshTarget {
+    fn options(&self, surface: bool) -> ImportOptions {
+        ImportOptions { scale: self.scale, weld: self.weld, surface }
     }
 }
 
@@ -109,9 +115,22 @@ impl Target {
                 Ok(Built { mesh, report })
             }
             Self::Mesh(mesh) => {
-                let options = ImportOptions { scale: mesh.scale, weld: mesh.weld };
-                let Import { mesh, report } = place.import(&mesh.path, &options)?;
+                let options = mesh.options(false);
+                let Import { mesh, report, .. } = place.import(&mesh.path, &options)?;
                 Ok(Built { mesh, report })
+            }
+        }
+    }
+
+    /// The surface as the target's source has it, for exports: of a mesh the file's own. The file is read again.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn surface(&self, place: &Place) -> Result<Surface, Refusal> {
+        match self {
+            Self::Grid(grid) => Ok(Surface::of_grid(&self.build(place)?.mesh, grid.columns, grid.rows)),
+            Self::Mesh(mesh) => {
+                Ok(place.import(&mesh.path, &mesh.options(true))?.surface.unwrap_or_default())
             }
         }
     }

@@ -6,6 +6,8 @@
 //!
 //! Source: Khronos, glTF 2.0 specification.
 
+mod surface;
+
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
@@ -16,8 +18,10 @@ use gltf::json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::QuadMesh;
+pub(super) use surface::{Faces, Shown};
 
 const QUANTIZATION: &str = "KHR_mesh_quantization";
 const NGON_ENCODING: &str = "FB_ngon_encoding";
@@ -50,6 +54,8 @@ struct Document {
     #[serde(default)]
     meshes: Vec<Mesh>,
     #[serde(default)]
+    materials: Vec<Material>,
+    #[serde(default)]
     accessors: Vec<Accessor>,
     #[serde(default)]
     buffer_views: Vec<View>,
@@ -78,10 +84,17 @@ struct Node {
     translation: Option<Box<[f64; 3]>>,
     rotation: Option<Box<[f64; 4]>>,
     scale: Option<Box<[f64; 3]>>,
+    skin: Option<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct Material {
+    name: Option<String>,
 }
 
 #[derive(Deserialize)]
 struct Mesh {
+    name: Option<String>,
     primitives: Vec<Primitive>,
 }
 
@@ -90,12 +103,17 @@ struct Primitive {
     attributes: Attributes,
     indices: Option<u32>,
     mode: Option<Checked<Mode>>,
+    material: Option<u32>,
+    #[serde(default)]
+    targets: Vec<IgnoredAny>,
 }
 
 #[derive(Deserialize)]
 struct Attributes {
     #[serde(rename = "POSITION")]
     position: Option<u32>,
+    #[serde(rename = "TEXCOORD_0")]
+    texcoord: Option<u32>,
 }
 
 #[derive(Deserialize)]
@@ -162,6 +180,8 @@ pub(super) struct Scene<'a> {
 pub(super) struct Instance {
     pub mesh: usize,
     pub transform: DMat4,
+    /// Whether a skin would bend it.
+    pub is_skinned: bool,
 }
 
 /// Vertices and corners that any file may bring beside one for each of its bytes: for many copies of a small mesh.
@@ -262,7 +282,7 @@ impl<'a> Scene<'a> {
             }
             if let Some(mesh) = node.mesh {
                 element(&self.document.meshes, mesh, "mesh", &format!("node {child}"))?;
-                instances.push(Instance { mesh: mesh as usize, transform });
+                instances.push(Instance { mesh: mesh as usize, transform, is_skinned: node.skin.is_some() });
             }
             if !node.children.is_empty() {
                 way.push((transform, node.children.iter()));
@@ -271,8 +291,14 @@ impl<'a> Scene<'a> {
         Ok(instances)
     }
 
-    /// The triangles of one mesh in its own space, all primitives together, as they stand in the file.
-    pub(super) fn triangles(&self, mesh: usize, warnings: &mut Vec<String>) -> Result<QuadMesh, String> {
+    /// The triangles of one mesh in its own space, all primitives together, as they stand in the file; and which
+    /// primitives these are.
+    pub(super) fn triangles(
+        &self,
+        mesh: usize,
+        warnings: &mut Vec<String>,
+    ) -> Result<(QuadMesh, Vec<Shown>), String> {
+        let mut shown = Vec::new();
         let mut positions = Vec::new();
         let mut triangles: Vec<[u32; 3]> = Vec::new();
         for (p, primitive) in self.document.meshes[mesh].primitives.iter().enumerate() {
@@ -294,6 +320,13 @@ impl<'a> Scene<'a> {
                 return Err(format!("{place} has no POSITION; vertices with positions would be accepted"));
             };
             let first = positions.len() as u32;
+            shown.push(Shown { primitive: p, first });
+            if !primitive.targets.is_empty() {
+                warnings.push(format!(
+                    "{place} has {} morph targets, which are not read: the cloth starts in the base shape",
+                    primitive.targets.len()
+                ));
+            }
             self.read_positions(position, &place, &mut positions)?;
             let count = positions.len() as u32 - first;
             let corners = match primitive.indices {
@@ -332,7 +365,7 @@ impl<'a> Scene<'a> {
         for triangle in &triangles {
             mesh.push_face(triangle);
         }
-        Ok(mesh)
+        Ok((mesh, shown))
     }
 
     fn read_positions(&self, accessor: u32, place: &str, positions: &mut Vec<DVec3>) -> Result<(), String> {
@@ -354,16 +387,7 @@ impl<'a> Scene<'a> {
                 "{place} holds {component:?}; F32, or 8 or 16 bits with {QUANTIZATION}, would be accepted"
             ));
         }
-        // Normalised integers: glTF 2.0 section 3.11, signed ones are clamped at -1.
-        let normalised = data.normalized;
-        let number = move |bytes: &[u8]| match component {
-            ComponentType::F32 => f64::from(f32::from_le_bytes(array(bytes))),
-            ComponentType::I8 => scaled(i8::from_le_bytes(array(bytes)).into(), 127.0, normalised),
-            ComponentType::U8 => scaled(u8::from_le_bytes(array(bytes)).into(), 255.0, normalised),
-            ComponentType::I16 => scaled(i16::from_le_bytes(array(bytes)).into(), 32767.0, normalised),
-            ComponentType::U16 => scaled(u16::from_le_bytes(array(bytes)).into(), 65535.0, normalised),
-            ComponentType::U32 => u32::from_le_bytes(array(bytes)).into(),
-        };
+        let number = component_reader(component, data.normalized);
         let size = component.size();
         let vector = |bytes: &[u8]| DVec3::from([0, 1, 2].map(|axis| number(&bytes[axis * size..])));
         let read = self.read_accessor(data, 3 * size, &place, vector)?;
@@ -619,6 +643,18 @@ fn index_reader(component: ComponentType, place: &str) -> Result<(usize, IndexRe
 /// The first N bytes of a slice that is known to be long enough.
 fn array<const N: usize>(bytes: &[u8]) -> [u8; N] {
     std::array::from_fn(|i| bytes[i])
+}
+
+/// How one component is read. Normalised integers: glTF 2.0 section 3.11, signed ones are clamped at -1.
+fn component_reader(component: ComponentType, normalised: bool) -> impl Fn(&[u8]) -> f64 {
+    move |bytes| match component {
+        ComponentType::F32 => f64::from(f32::from_le_bytes(array(bytes))),
+        ComponentType::I8 => scaled(i8::from_le_bytes(array(bytes)).into(), 127.0, normalised),
+        ComponentType::U8 => scaled(u8::from_le_bytes(array(bytes)).into(), 255.0, normalised),
+        ComponentType::I16 => scaled(i16::from_le_bytes(array(bytes)).into(), 32767.0, normalised),
+        ComponentType::U16 => scaled(u16::from_le_bytes(array(bytes)).into(), 65535.0, normalised),
+        ComponentType::U32 => u32::from_le_bytes(array(bytes)).into(),
+    }
 }
 
 fn scaled(integer: f64, highest: f64, normalised: bool) -> f64 {

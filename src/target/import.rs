@@ -6,7 +6,8 @@ use serde::Serialize;
 
 use super::mend::{Mended, Oddities, Whole, diagonal, mend};
 use super::recover_quads::{QuadRecovery, Recovered, RecoveryMethod, recover};
-use super::{FaceCounts, QuadMesh, gltf, obj};
+use super::surface::Surface;
+use super::{FaceCounts, QuadMesh, gltf, obj, obj_surface};
 use crate::params;
 
 /// How a mesh file is taken in.
@@ -17,11 +18,13 @@ pub struct ImportOptions {
     /// Vertices nearer than this fraction of the bounding box's diagonal become one, 0 to 1; those at the same place always do.
     /// More than 1e-6 may join what should stay apart.
     pub weld: f64,
+    /// Whether the file's own surface is kept, for exports.
+    pub surface: bool,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { scale: 1.0, weld: 0.0 }
+        Self { scale: 1.0, weld: 0.0, surface: false }
     }
 }
 
@@ -32,6 +35,8 @@ pub struct Import {
     pub mesh: QuadMesh,
     /// What was found and mended.
     pub report: ImportReport,
+    /// The file's own surface, where it was asked for.
+    pub surface: Option<Surface>,
 }
 
 /// What was found in a mesh file, and what was done to it.
@@ -110,8 +115,8 @@ fn import(
     }
     let extension = Path::new(name).extension().and_then(|e| e.to_str()).unwrap_or_default();
     let mut import = match extension.to_ascii_lowercase().as_str() {
-        "obj" => from_obj(bytes, options.weld)?,
-        "gltf" | "glb" => from_gltf(bytes, folder, options.weld)?,
+        "obj" => from_obj(bytes, options)?,
+        "gltf" | "glb" => from_gltf(bytes, folder, options)?,
         _ => {
             return Err(format!(
                 "the extension `{extension}` is not known; `.obj`, `.gltf` and `.glb` would be accepted"
@@ -128,49 +133,87 @@ fn import(
     for position in &mut import.mesh.positions {
         *position *= options.scale;
     }
+    if let Some(surface) = &mut import.surface {
+        surface.scale(options.scale);
+    }
     finish(&mut import)?;
     Ok(import)
 }
 
-fn from_obj(bytes: &[u8], weld: f64) -> Result<Import, String> {
+fn from_obj(bytes: &[u8], options: &ImportOptions) -> Result<Import, String> {
     let polygons = obj::read(bytes)?;
-    let Whole { mesh, mut mended, coarse_weld, .. } = mend(&polygons.mesh, weld)?;
+    let Whole { mesh, particles, mut mended, coarse_weld, .. } = mend(&polygons.mesh, options.weld)?;
     mended.degenerate_faces += polygons.short_faces;
     mended.loose_vertices += polygons.unused_vertices;
     let mut report = ImportReport { mended, warnings: polygons.warnings, ..ImportReport::default() };
     warn_of_coarse_weld(&mut report.warnings, coarse_weld);
-    Ok(Import { mesh, report })
+    let surface = options.surface.then(|| obj_surface::read(bytes, &polygons.mesh, &particles));
+    Ok(Import { mesh, report, surface })
+}
+
+/// A mesh of a glTF file in its own space, once it is whole.
+struct Part {
+    mesh: QuadMesh,
+    recovery: QuadRecovery,
+    mended: Mended,
+    surface: Option<Surface>,
 }
 
 /// Each mesh is welded and turned into quads in its own space, once, and then placed by every node that shows it.
-fn from_gltf(bytes: &[u8], folder: Option<&Path>, weld: f64) -> Result<Import, String> {
+fn from_gltf(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Import, String> {
     let scene = gltf::Scene::read(bytes, folder)?;
-    let mut import = Import { mesh: QuadMesh::default(), report: ImportReport::default() };
-    let mut whole_meshes: Vec<Option<(QuadMesh, QuadRecovery, Mended)>> = vec![None; scene.mesh_count()];
-    for instance in scene.instances()? {
-        let cached = &mut whole_meshes[instance.mesh];
+    let none = options.surface.then(Surface::default);
+    let mut import = Import { mesh: QuadMesh::default(), report: ImportReport::default(), surface: none };
+    let mut parts: Vec<Option<Part>> = (0..scene.mesh_count()).map(|_| None).collect();
+    let instances = scene.instances()?;
+    let skinned = instances.iter().filter(|i| i.is_skinned).count();
+    if skinned > 0 {
+        import.report.warnings.push(format!(
+            "{skinned} nodes have a skin, which is not read: the cloth starts in the shape that the skin would bend"
+        ));
+    }
+    for instance in instances {
+        let cached = &mut parts[instance.mesh];
         if cached.is_none() {
-            let triangles = scene.triangles(instance.mesh, &mut import.report.warnings)?;
-            let Whole { mesh, source_faces, mended, coarse_weld } = mend(&triangles, weld)?;
+            let (mut triangles, shown) = scene.triangles(instance.mesh, &mut import.report.warnings)?;
+            let Whole { mesh, source_faces, particles, mended, coarse_weld } =
+                mend(&triangles, options.weld)?;
             warn_of_coarse_weld(&mut import.report.warnings, coarse_weld);
             let raw: Vec<[u32; 3]> =
                 source_faces.iter().filter_map(|f| triangles.face(*f as usize).try_into().ok()).collect();
+            let positions = std::mem::take(&mut triangles.positions);
             drop(triangles);
-            let Recovered { mesh, recovery, is_suspicious } = recover(&mesh, &raw, scene.ngon_encoding());
+            let Recovered { mesh, triangles: sources, recovery, is_suspicious } =
+                recover(&mesh, &raw, scene.ngon_encoding());
             if is_suspicious {
                 import.report.warnings.push(format!(
                     "the {} quads of mesh {} are far from rectangles: they may be pairs of true triangles",
                     recovery.quads, instance.mesh
                 ));
             }
-            *cached = Some((mesh, recovery, mended));
+            let surface = options.surface.then(|| {
+                let (particles, triangles) = (&particles, &raw);
+                let faces = gltf::Faces {
+                    positions: &positions,
+                    particles,
+                    triangles,
+                    mesh: &mesh,
+                    sources: &sources,
+                };
+                scene.surface(instance.mesh, &shown, &faces)
+            });
+            *cached = Some(Part { mesh, recovery, mended, surface });
         }
-        let Some((mesh, recovery, mended)) = cached else { continue };
+        let Some(Part { mesh, recovery, mended, surface }) = cached else { continue };
         scene.spend(mesh.positions.len() + mesh.corners().len())?;
         let first = import.mesh.positions.len();
         import.mesh.append(mesh);
         for position in &mut import.mesh.positions[first..] {
             *position = instance.transform.transform_point3(*position);
+        }
+        if let (Some(whole), Some(part)) = (&mut import.surface, surface) {
+            scene.spend(part.vertices.len())?;
+            whole.append(part, first as u32, |p| instance.transform.transform_point3(p));
         }
         let (total, report) = (&mut import.report.mended, &mut import.report.quad_recovery);
         report.method = report.method.max(recovery.method);
@@ -211,7 +254,7 @@ fn warn_of_coarse_weld(warnings: &mut Vec<String>, ratio: Option<f64>) {
 
 /// Counts what the mesh holds now that it stands in its place, and tells what looks wrong.
 fn finish(import: &mut Import) -> Result<(), String> {
-    let Import { mesh, report } = import;
+    let Import { mesh, report, .. } = import;
     if let Some(bad) = mesh.positions.iter().position(|p| !p.is_finite()) {
         return Err(format!(
             "particle {bad} is not finite after scale and transforms; a smaller scale would be accepted"

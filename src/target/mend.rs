@@ -33,6 +33,8 @@ const FINEST_WELD: f64 = 1e-18;
 pub(super) struct Whole {
     pub mesh: QuadMesh,
     pub source_faces: Vec<u32>,
+    /// The particle of every raw vertex; `u32::MAX` where no face uses it.
+    pub particles: Vec<u32>,
     pub mended: Mended,
     /// A tolerance that is too coarse for this mesh: its ratio to the shortest edge.
     pub coarse_weld: Option<f64>,
@@ -87,7 +89,8 @@ pub(super) fn mend(raw: &QuadMesh, weld_fraction: f64) -> Result<Whole, String> 
     mended.loose_vertices = first.iter().filter(|f| particle[**f as usize] == u32::MAX).count();
     mended.welded = raw.positions.len() - mended.loose_vertices - mesh.positions.len();
     let coarse_weld = if tolerance > 0.0 { coarse(raw, tolerance) } else { None };
-    Ok(Whole { mesh, source_faces: kept, mended, coarse_weld })
+    let particles = first.into_iter().map(|f| particle[f as usize]).collect();
+    Ok(Whole { mesh, source_faces: kept, particles, mended, coarse_weld })
 }
 
 /// Length of the bounding box's diagonal; an extent that overflows is refused.

@@ -6,7 +6,9 @@ mod import;
 mod mend;
 mod mesh;
 mod obj;
+mod obj_surface;
 mod recover_quads;
+mod surface;
 mod weld;
 
 pub use grid::grid;
@@ -14,3 +16,4 @@ pub use import::{Import, ImportError, ImportOptions, ImportReport, import_bytes,
 pub use mend::Mended;
 pub use mesh::{FaceCounts, QuadMesh};
 pub use recover_quads::{QuadRecovery, RecoveryMethod};
+pub use surface::{Corner, Section, Surface, Vertex};

@@ -77,7 +77,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Polygons, String> {
 }
 
 /// The `v` and `f` lines of a file, reduced to positions and position indices.
-struct Lines<'a> {
+pub(super) struct Lines<'a> {
     rest: &'a [u8],
     /// Number in the file, from 1, of the line that was read last.
     number: usize,
@@ -91,7 +91,7 @@ struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
         let rest = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         let line = Vec::new();
         Self { rest, number: 0, read: 0, line, consumed: 0, vertices: 0, short_faces: 0, strokes: 0 }
@@ -110,19 +110,12 @@ impl<'a> Lines<'a> {
         Some(line)
     }
 
-    /// Puts the next vertex or polygon into `line`; false at the end of the file.
-    fn next(&mut self) -> bool {
-        while let Some(physical) = self.physical() {
+    /// The next line with one of these keywords, and what continues it; other lines are skipped.
+    pub(super) fn statement(&mut self, keywords: &[&[u8]]) -> Option<(&'a [u8], Cow<'a, [u8]>)> {
+        loop {
+            let physical = self.physical()?;
             self.number = self.read;
-            let Some(keyword) = words(physical).next() else { continue };
-            match keyword {
-                b"v" | b"f" => {}
-                b"l" | b"p" => {
-                    self.strokes += 1;
-                    continue;
-                }
-                _ => continue,
-            }
+            let Some(keyword) = words(physical).next().filter(|k| keywords.contains(k)) else { continue };
             let mut whole = Cow::Borrowed(physical);
             while let Some(start) = whole.strip_suffix(b"\\") {
                 let mut joined = start.to_vec();
@@ -130,7 +123,16 @@ impl<'a> Lines<'a> {
                 joined.extend_from_slice(self.physical().unwrap_or_default());
                 whole = Cow::Owned(joined);
             }
-            if self.reduce(&whole) {
+            return Some((keyword, whole));
+        }
+    }
+
+    /// Puts the next vertex or polygon into `line`; false at the end of the file.
+    fn next(&mut self) -> bool {
+        while let Some((keyword, whole)) = self.statement(&[b"v", b"f", b"l", b"p"]) {
+            if matches!(keyword, b"l" | b"p") {
+                self.strokes += 1;
+            } else if self.reduce(&whole) {
                 return true;
             }
         }
@@ -177,7 +179,7 @@ impl<'a> Lines<'a> {
 }
 
 /// The words of a line up to a comment.
-fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).take_while(|w| w[0] != b'#')
 }
 

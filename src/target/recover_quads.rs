@@ -42,6 +42,8 @@ pub struct QuadRecovery {
 /// A mesh with its quads back.
 pub(super) struct Recovered {
     pub mesh: QuadMesh,
+    /// The triangle that each face is, or begins with, and the one that completes it to a quad (`u32::MAX` without).
+    pub triangles: Vec<[u32; 2]>,
     pub recovery: QuadRecovery,
     /// The quads look like pairs of true triangles.
     pub is_suspicious: bool,
@@ -74,22 +76,25 @@ pub(super) fn recover(mesh: &QuadMesh, raw: &[[u32; 3]], ngon_encoding: bool) ->
     let (mate, method) = pair(&mesh.positions, &triangles, raw, ngon_encoding);
     let mut quads = QuadMesh::new(mesh.positions.clone());
     let mut recovery = QuadRecovery::default();
+    let mut sources = Vec::with_capacity(triangles.len() / 2);
     for (t, triangle) in triangles.iter().enumerate() {
         if mate[t] == NONE {
             recovery.triangles_left += 1;
             quads.push_face(triangle);
+            sources.push([t as u32, NONE]);
         } else if (mate[t] as usize) > t
             && let Some(quad) = quad(*triangle, triangles[mate[t] as usize])
         {
             recovery.quads += 1;
             quads.push_face(&quad);
+            sources.push([t as u32, mate[t]]);
         }
     }
     if recovery.quads > 0 {
         recovery.method = method;
     }
     let is_suspicious = mean_off(&mesh.positions, &triangles, &mate) > SUSPICIOUS;
-    Recovered { mesh: quads, recovery, is_suspicious }
+    Recovered { mesh: quads, triangles: sources, recovery, is_suspicious }
 }
 
 /// For every triangle the one that it makes a quad with, or `NONE`.
