@@ -27,20 +27,6 @@ impl Bounds {
         })
     }
 
-    /// The box around most of the positions: along each axis the outermost hundredth on either side counts for nothing.
-    pub fn of_most(positions: &[[f32; 3]]) -> Option<Self> {
-        let mut finite: Vec<Vec3> =
-            positions.iter().map(|&p| Vec3::from(p)).filter(|p| p.is_finite()).collect();
-        let last = finite.len().checked_sub(1)?;
-        let out = last / 100;
-        let mut bounds = Self { min: Vec3::ZERO, max: Vec3::ZERO };
-        for axis in 0..3 {
-            finite.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
-            (bounds.min[axis], bounds.max[axis]) = (finite[out][axis], finite[last - out][axis]);
-        }
-        Some(bounds)
-    }
-
     /// The middle.
     pub fn centre(&self) -> Vec3 {
         self.min.midpoint(self.max)

@@ -44,9 +44,11 @@ impl Lines {
                 pass.draw(0..6 * count, 0..1);
             }
         }
-        // The shader fades edges of few pixels away: where even stretched ones are, none is drawn at all.
-        let seen = STRETCHED * cloth.spacing * view.pixels_per_metre > FADED;
+        // The shader fades edges of few pixels away: where there are many, and even stretched ones are so short, none is drawn
+        // at all.
         let set = &cloth.lines[STRETCH];
+        let many = set.count > style.spring_limit;
+        let seen = !many || STRETCHED * cloth.spacing * view.pixels_per_metre > FADED;
         if let Some(edges) =
             set.edges_group.as_ref().filter(|_| style.edges && style.surface && seen && set.count > 0)
         {

@@ -15,7 +15,7 @@ pub(super) enum Focus {
     Opened,
     /// The selection, or the whole cloth.
     Wanted,
-    /// Most of a cloth that has burst.
+    /// All of a cloth that has burst: seen from within, a few springs that fly off would fill the picture.
     Burst,
 }
 
@@ -44,7 +44,7 @@ impl Workbench {
         let size = self.viewport.size();
         let focus = self.focus.take();
         if focus == Some(Focus::Burst) {
-            if let Some(bounds) = Bounds::of_most(&lane.positions) {
+            if let Some(bounds) = Bounds::of(lane.positions.iter()) {
                 self.viewport.camera.focus(&bounds, size);
             }
             if let Some([_, shown]) = &mut self.before_burst {
