@@ -4,6 +4,8 @@
 //! one between two steps it changes no bit of the trajectory, so methods can be switched while a cloth moves. What a
 //! method must carry from step to step stands in the [`Memory`](crate::model::Memory) of the state, which the caller
 //! empties when method, dt, springs or pins change, and which travels with every snapshot.
+//!
+//! The README's "Which method for which scene" says which to choose, with figures; each method's own text says what it costs.
 
 mod blocks;
 mod chebyshev;
