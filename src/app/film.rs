@@ -26,9 +26,9 @@ const SAMPLES: u32 = 4;
 /// Viewers play a shorter delay, s, at a speed of their own.
 const SHORTEST_GIF_DELAY: f64 = 0.02;
 
-/// The box that a motion stays in, m: a run with this instead of a [`Film`] tells where to look from.
+/// The box that a motion stays in, m.
 #[derive(Clone, Debug, Default)]
-pub struct Outline {
+struct Outline {
     bounds: Option<Bounds>,
 }
 
@@ -90,11 +90,30 @@ impl Bytes {
 }
 
 impl Film {
-    /// Prepares pictures of a size in pixels: place and device are tried before long work.
+    /// Pictures of a motion, of a size in pixels. The world runs once before, from where it stands, so that they are taken
+    /// from where all of it is seen; `run` does that, and the world then stands where it was.
     ///
     /// # Errors
-    /// A place that cannot be written, no adapter, a size that is impossible, a rate that the format cannot hold.
-    pub fn new(format: Format, path: &Path, size: [u32; 2], span: Span) -> Result<Self, Refusal> {
+    /// A place that cannot be written, no adapter, a size that is impossible, a rate that the format cannot hold; those
+    /// before the run. What `run` refuses.
+    pub fn of(
+        world: &mut World,
+        format: Format,
+        path: &Path,
+        size: [u32; 2],
+        span: Span,
+        run: impl FnOnce(&mut World, &mut dyn Sink) -> Result<u64, Refusal>,
+    ) -> Result<Self, Refusal> {
+        let film = Self::new(format, path, size, span)?;
+        let start = world.snapshot();
+        let mut outline = Outline::default();
+        run(world, &mut outline)?;
+        let film = film.framed(world, &outline);
+        world.restore(&start);
+        Ok(film)
+    }
+
+    fn new(format: Format, path: &Path, size: [u32; 2], span: Span) -> Result<Self, Refusal> {
         let refused = |e: &dyn std::fmt::Display| Refusal::new(format!("{}: {e}", path.display()));
         let reel = if format == Format::Gif {
             let fastest = 1.0 / SHORTEST_GIF_DELAY;
@@ -141,8 +160,7 @@ impl Film {
     }
 
     /// Looks so that a whole motion is seen, from the side that shows most of the cloth as `world` has it.
-    #[must_use]
-    pub fn framed(mut self, world: &World, outline: &Outline) -> Self {
+    fn framed(mut self, world: &World, outline: &Outline) -> Self {
         let size = Vec2::new(self.size[0] as f32, self.size[1] as f32);
         let mut camera = Camera::default();
         let mut ground_height = 0.0;

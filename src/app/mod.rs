@@ -3,6 +3,7 @@
 pub mod camera;
 pub mod display;
 pub mod engine;
+pub mod exporting;
 pub mod files;
 pub mod film;
 pub mod gallery;

@@ -41,6 +41,7 @@ pub struct Workbench {
     shows_gallery: bool,
     shows_help: bool,
     gallery: Gallery,
+    export: panels::ExportWindow,
     /// Where one looks from, and the mouse.
     pub viewport: Viewport,
     drawing: Option<(Drawing, Vec<Cloth>)>,
@@ -78,6 +79,7 @@ impl Workbench {
             shows_gallery: false,
             shows_help: false,
             gallery: Gallery::default(),
+            export: panels::ExportWindow::default(),
             viewport: Viewport::default(),
             drawing: None,
             device: String::new(),
@@ -210,6 +212,7 @@ impl Workbench {
                 self.request(Next::Open(name.to_owned()));
             }
         }
+        self.export.ui(&ctx, &mut self.session);
         if self.shows_help {
             panels::help_ui(&ctx, &mut self.shows_help);
         }
@@ -293,6 +296,7 @@ impl Workbench {
             },
             Action::SaveAs => self.ask = Some(Ask::save(session, None)),
             Action::Record => self.ask = Some(Ask::record(session)),
+            Action::Export => self.export.toggle(session),
             Action::Gallery => self.shows_gallery = !self.shows_gallery,
             Action::Quit => self.request(Next::Quit),
             Action::Undo => session.undo(),

@@ -132,17 +132,17 @@ fn pictures(
     world: &mut World,
     span: Span,
 ) -> Result<Box<dyn Sink>, Refusal> {
-    use crate::app::film::{Film, Outline};
+    use crate::app::film::Film;
     let size = options.size.unwrap_or(if format == Format::Gif { [640, 400] } else { render::SIZE });
-    let film = Film::new(format, &options.out, size, span)?;
-    let start = world.snapshot();
-    let mut outline = Outline::default();
-    watched(&options.common, world, span, &mut outline)?;
-    if interrupted() {
-        let out = options.out.display();
-        return Err(Refusal::new(format!("{out}: interrupted before the first picture; nothing is written")));
-    }
-    let film = film.framed(world, &outline);
-    world.restore(&start);
+    let film = Film::of(world, format, &options.out, size, span, |world, sink| {
+        let frames = watched(&options.common, world, span, sink)?;
+        if interrupted() {
+            let out = options.out.display();
+            return Err(Refusal::new(format!(
+                "{out}: interrupted before the first picture; nothing is written"
+            )));
+        }
+        Ok(frames)
+    })?;
     Ok(Box::new(film))
 }

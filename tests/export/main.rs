@@ -11,6 +11,8 @@ mod machine;
 #[cfg(feature = "app")]
 mod pictures;
 mod surface;
+#[cfg(feature = "app")]
+mod workbench;
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};

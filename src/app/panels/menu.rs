@@ -18,6 +18,7 @@ pub enum Action {
     Save,
     SaveAs,
     Record,
+    Export,
     Gallery,
     Quit,
     Undo,
@@ -140,6 +141,7 @@ pub fn menu_ui(ui: &mut Ui, session: &Session, files: &Files) -> Option<Action> 
         entry(ui, "Save", Action::Save, true);
         entry(ui, "Save as…", Action::SaveAs, true);
         entry(ui, "Save recording…", Action::Record, true);
+        entry(ui, "Export…", Action::Export, true);
         ui.separator();
         entry(ui, "Quit", Action::Quit, true);
     });

@@ -3,6 +3,7 @@
 mod banner;
 mod dialogs;
 mod display;
+mod export;
 mod health;
 mod icons;
 mod lanes;
@@ -16,6 +17,7 @@ mod transport;
 pub use banner::{banner_ui, offer_ui};
 pub use dialogs::{Ask, dialog_ui, gallery_ui, help_ui};
 pub use display::{Display, display_ui, legend_ui};
+pub use export::ExportWindow;
 pub use health::health_ui;
 pub use lanes::{lane_colour, lanes_ui, name_of};
 pub use menu::{Action, menu_ui, pressed};
