@@ -43,7 +43,11 @@ fn shards_joined_are_one_run(study: &str, more: &[&str]) {
     }
     let parts = ["1", "2", "3"].map(|i| format!("{study}{i}"));
     let missing = tenter(folder, &["lab", "merge", &parts[0], &parts[1], "--out", "two", "--json"]);
-    assert!(!missing.contains("\"missing\":0"), "{missing}");
+    let third = std::fs::read_to_string(folder.join(&parts[2]).join(format!("{study}.3of3.jsonl")));
+    // To a shard of a small study nothing may fall.
+    if third.expect("a journal").lines().count() > 1 {
+        assert!(!missing.contains("\"missing\":0"), "{missing}");
+    }
     let joined =
         tenter(folder, &["lab", "merge", &parts[0], &parts[1], &parts[2], "--out", "joined", "--json"]);
     assert_eq!(joined, whole, "{study}");

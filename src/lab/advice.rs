@@ -73,6 +73,8 @@ pub struct Advice {
     pub spring_visits: f64,
     /// Simulated time over which the pick was seen to stay quiet, s; 0 where nothing was.
     pub quiet_seconds: f64,
+    /// Errors below this cannot be told, m.
+    pub told_from: f64,
     /// Runs in all.
     pub trials: u64,
     /// What was wanted.
@@ -161,10 +163,12 @@ impl Search<'_> {
                 Some(error) => (1.05 * (error / wanted).powf(1.0 / f64::from(order))).clamp(1.2, 16.0),
                 None => 2.0,
             };
-            let next = whole(coarse.steps as f64 * factor);
-            if next as f64 > MOST_STEPS.min(most) {
+            // What overshoots may still meet it at the most that it may cost.
+            let last = whole(MOST_STEPS.min(most));
+            if coarse.steps >= last {
                 return Ok(best);
             }
+            let next = whole(coarse.steps as f64 * factor).min(last);
             let point = self.look(next, Precision::Double)?;
             if keeps(&point) {
                 break point;
@@ -267,6 +271,23 @@ impl Search<'_> {
     }
 }
 
+/// Every method with every effort that it declares, those of high order first, those of another model last.
+fn plan(options: &Options) -> Result<Vec<Settings>, Refusal> {
+    let mut plan = Vec::new();
+    for entry in trade::chosen(&options.simulators)? {
+        plan.extend(
+            super::variants(entry)
+                .into_iter()
+                .map(|params| Settings { params, ..Settings::double(entry.id, LONGEST) }),
+        );
+    }
+    plan.sort_by_key(|own| {
+        let order = simulators::find(&own.simulator).map_or(0, |entry| entry.order);
+        (!own.same_model(), std::cmp::Reverse(order))
+    });
+    Ok(plan)
+}
+
 /// Searches for the best settings.
 ///
 /// # Errors
@@ -296,19 +317,7 @@ pub fn run(
     let (problem, state) = case.start().problem(case.scene())?;
     let spectrum = Spectrum::of(&problem, &state);
     let free = case.free();
-    let mut plan = Vec::new();
-    for entry in trade::chosen(&options.simulators)? {
-        plan.extend(
-            super::variants(entry)
-                .into_iter()
-                .map(|params| Settings { params, ..Settings::double(entry.id, LONGEST) }),
-        );
-    }
-    // Methods of high order first, since they soon bound what others may cost. Those of another model last.
-    plan.sort_by_key(|own| {
-        let order = simulators::find(&own.simulator).map_or(0, |entry| entry.order);
-        (!own.same_model(), std::cmp::Reverse(order))
-    });
+    let plan = plan(options)?;
     let timed = options.time || matches!(options.goal, Goal::BudgetMs(_));
     let parts: Vec<(Settings, Goal)> = plan.into_iter().map(|own| (own, options.goal)).collect();
     let search = |own: &Settings, bound: f64| -> Result<Search, Stop> {
@@ -382,6 +391,7 @@ pub fn run(
         stability_margin: pick.stability_margin,
         spring_visits: pick.spring_visits,
         quiet_seconds,
+        told_from: MARGIN * reference.uncertainty,
         trials,
         goal: options.goal,
         candidates,

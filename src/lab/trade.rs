@@ -24,6 +24,7 @@ pub struct Options {
 
 /// One run of the table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a column of the table")]
 pub struct Row {
     /// Method, precision, dt and parameters.
     #[serde(flatten)]

@@ -39,12 +39,12 @@ fn incomplete(missing: usize) -> String {
     if missing > 0 { format!("incomplete: {missing} parts are missing\n") } else { String::new() }
 }
 
-fn machine(machine: Option<&Machine>) -> String {
+fn machine(machine: Option<&Machine>, order: &str) -> String {
     machine.map_or_else(
         || "time: not measured; trials ran in parallel\n".to_owned(),
         |m| {
             format!(
-                "time: one thread at a time, interleaved, on {}, {} threads, {}, tenter {}; the other trials ran in parallel\n",
+                "time: one thread at a time, {order}, on {}, {} threads, {}, tenter {}; the other trials ran in parallel\n",
                 m.processor, m.threads, m.system, m.tenter
             )
         },
@@ -123,7 +123,7 @@ pub fn trade(table: &Trade) -> String {
             "given up: its work passed the cap (so many springs looked at, not time), so it has no errors.\n";
     }
     text += &another_model(table);
-    text + &machine(table.machine.as_ref()) + &incomplete(table.missing)
+    text + &machine(table.machine.as_ref(), "interleaved") + &incomplete(table.missing)
 }
 
 /// How far the statistics of every run are from the reference's: all there is to compare once trajectories part.
@@ -315,7 +315,7 @@ pub fn ablation(table: &Ablation) -> String {
             )
         },
     );
-    text + &machine(table.machine.as_ref()) + &incomplete(table.missing)
+    text + &machine(table.machine.as_ref(), "interleaved") + &incomplete(table.missing)
 }
 
 /// The ablation as CSV.
@@ -338,13 +338,17 @@ pub fn ablation_csv(table: &Ablation) -> String {
 
 /// The advice in words.
 pub fn advice(advice: &Advice) -> String {
+    let error = |error: Option<f64>| match error {
+        Some(error) if error < advice.told_from => format!("under {:.1e}", advice.told_from),
+        _ => number(error),
+    };
     let mut text = if advice.met { String::new() } else { "nothing meets this; the closest is\n".to_owned() };
     let _ = writeln!(
         text,
         "{} at dt {:.6} s: error {} m, {} springs looked at a simulated second{}",
         advice.settings.label(),
         advice.settings.dt,
-        number(advice.error),
+        error(advice.error),
         number(Some(advice.spring_visits)),
         advice.ms_per_frame.map_or_else(String::new, |ms| format!(", {ms:.4} ms a frame"))
     );
@@ -364,13 +368,13 @@ pub fn advice(advice: &Advice) -> String {
             "  {:36} dt {:.3e} s  error {} m  visits/s {:.3e}{}  {}",
             c.settings.label(),
             c.settings.dt,
-            number(c.error),
+            error(c.error),
             c.spring_visits,
             c.ms_per_frame.map_or_else(String::new, |ms| format!("  {ms:.3} ms a frame")),
             if c.met { "meets it" } else { "does not meet it" }
         );
     }
-    text + &machine(advice.machine.as_ref()) + &incomplete(advice.missing)
+    text + &machine(advice.machine.as_ref(), "one method after the other") + &incomplete(advice.missing)
 }
 
 /// One figure of a page: what it shows, and the command that makes it again.
