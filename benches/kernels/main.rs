@@ -1,8 +1,9 @@
 //! Nanoseconds per spring visit of every method beside the machine's bounds and hand-written kernels, all in one run.
 //!
 //! `cargo bench --no-default-features --bench kernels`: explicit steps in every size, order of numbering, precision and
-//! number of threads; `-- methods`: one line for every method; `-- large`: 1000² particles too. Candidates take turns and
-//! each keeps its shortest time, so that what else the machine does hits all of them alike.
+//! number of threads. `-- methods`: every method in both precisions; `-- around`: building and measuring; with `large`, 1000²
+//! particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits all of
+//! them alike.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod reference;
@@ -16,28 +17,37 @@ use tenter::simulators::{self, SimulatorSettings};
 use tenter::target::grid;
 use tenter::world::World;
 
-/// A sheet on two corners, numbered along its rows or at random. The step is far below the limit, so that no method bursts.
-fn sheet(side: u32, shuffled: bool, simulator: &str, precision: Precision, threads: usize) -> World {
-    let mut scene = Scene {
+/// A sheet on two corners. The step is far below the limit, so that no method bursts.
+fn scene(side: u32, simulator: &str, precision: Precision) -> Scene {
+    Scene {
         target: Target::Grid(GridTarget { columns: side, rows: side, ..GridTarget::default() }),
         pins: Pins::of([Pin::Corners(1)]),
         simulator: SimulatorSettings::new(simulator),
         precision,
         dt: 1e-4,
         ..Scene::default()
-    };
-    let mut place = Place::default();
-    if shuffled {
-        let path = std::env::temp_dir().join(format!("tenter-bench-{}-{side}.obj", std::process::id()));
-        std::fs::write(&path, shuffled_obj(side)).unwrap();
-        place.allow(&path);
-        scene.target = Target::mesh(path.to_str().unwrap());
-        scene.pins = Pins::of([Pin::Particle(0), Pin::Particle(side)]);
-        let world = World::new(scene, place).expect("a mesh");
-        std::fs::remove_file(&path).unwrap();
-        return crumpled(&world, threads);
     }
-    crumpled(&World::new(scene, place).expect("a sheet"), threads)
+}
+
+fn flat(side: u32, simulator: &str, precision: Precision) -> World {
+    World::new(scene(side, simulator, precision), Place::default()).expect("a sheet")
+}
+
+/// The sheet, crumpled, with its particles numbered along its rows or at random.
+fn sheet(side: u32, shuffled: bool, simulator: &str, precision: Precision, threads: usize) -> World {
+    if !shuffled {
+        return crumpled(&flat(side, simulator, precision), threads);
+    }
+    let path = std::env::temp_dir().join(format!("tenter-bench-{}-{side}.obj", std::process::id()));
+    std::fs::write(&path, shuffled_obj(side)).unwrap();
+    let mut place = Place::default();
+    place.allow(&path);
+    let target = Target::mesh(path.to_str().unwrap());
+    let pins = Pins::of([Pin::Particle(0), Pin::Particle(side)]);
+    let world =
+        World::new(Scene { target, pins, ..scene(side, simulator, precision) }, place).expect("a mesh");
+    std::fs::remove_file(&path).unwrap();
+    crumpled(&world, threads)
 }
 
 /// The world with its particles a little out of place. In a flat sheet at rest only what comes from the pins moves, with
@@ -177,19 +187,39 @@ fn explicit(sides: &[u32]) {
 }
 
 fn methods(sides: &[u32]) {
-    println!("every method, Single, in order: ns per spring visit, and microseconds a step");
+    println!("every method, in order, one thread: ns per spring visit, and microseconds a step");
     for entry in simulators::ALL {
-        print!("{:20}", entry.id);
-        for &side in sides {
-            let mut world = sheet(side, false, entry.id, Precision::Single, 1);
-            world.step();
-            let visits = world.cost().spring_visits as f64;
-            world.step();
-            let visits = world.cost().spring_visits as f64 - visits;
-            let best = race(&mut [(entry.id.into(), step(world))], 0.3)[0];
-            print!("  {side}²: {best:6.2} {:9.1}", best * visits / 1e3);
+        for precision in [Precision::Single, Precision::Double] {
+            print!("{:20} {:6}", entry.id, format!("{precision:?}"));
+            for &side in sides {
+                let mut world = sheet(side, false, entry.id, precision, 1);
+                world.step();
+                let before = world.cost().spring_visits;
+                world.step();
+                let visits = (world.cost().spring_visits - before) as f64;
+                let best = race(&mut [(entry.id.into(), step(world))], 0.1)[0];
+                print!("  {side}²: {best:6.2} {:9.1}", best * visits / 1e3);
+            }
+            println!();
         }
-        println!();
+    }
+}
+
+/// What surrounds a step: from a scene to a world, and telling what became of it.
+fn around(sides: &[u32]) {
+    println!("Single, one thread, ms: a grid built; its measures");
+    for &side in sides {
+        let best = |work: &mut dyn FnMut()| {
+            let times = (0..3).map(|_| {
+                let start = Instant::now();
+                work();
+                start.elapsed().as_secs_f64() * 1e3
+            });
+            times.fold(f64::INFINITY, f64::min)
+        };
+        let build = best(&mut || drop(flat(side, "symplectic_euler", Precision::Single)));
+        let world = flat(side, "symplectic_euler", Precision::Single);
+        println!("{side:4}²: {build:8.2} {:8.2}", best(&mut || drop(std::hint::black_box(world.measures()))));
     }
 }
 
@@ -198,6 +228,8 @@ fn main() {
     let sides: &[u32] = if asked("large") { &[25, 100, 316, 1000] } else { &[25, 100, 316] };
     if asked("methods") {
         methods(sides);
+    } else if asked("around") {
+        around(sides);
     } else {
         explicit(sides);
     }

@@ -196,7 +196,9 @@ impl<T: Real> Pass<'_, T> {
             for (lane, f) in force.iter().enumerate() {
                 [sum[0][lane], sum[1][lane], sum[2][lane]] = f.to_array();
             }
-            let [mut fx, mut fy, mut fz] = sum.map(|s| T::Lanes::of(with, s));
+            let mut fx = T::Lanes::of(with, sum[0]);
+            let mut fy = T::Lanes::of(with, sum[1]);
+            let mut fz = T::Lanes::of(with, sum[2]);
             for (group, end) in groups.iter().zip(&ends[slice * groups.len()..]) {
                 let stiffness = T::Lanes::splat(with, group.stiffness);
                 for slot in std::mem::replace(&mut slot, *end)..*end {

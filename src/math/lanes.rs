@@ -4,10 +4,10 @@
 //! loop that it stands for. That rules out what processors round each in their own way or not twice where the loop does:
 //! fused multiplication and addition, estimates of reciprocals and of reciprocal roots; and sums across lanes.
 
-use super::{Real, Vector};
+use super::Real;
 use bytemuck::cast;
 use pulp::x86::V3;
-use std::arch::x86_64::{__m128, __m256, __m256d, _CMP_GT_OQ};
+use std::arch::x86_64::{__m256, __m256d, _CMP_GT_OQ};
 use std::ops::{Add, Div, Mul, Sub};
 
 /// How many numbers stand side by side.
@@ -117,14 +117,12 @@ impl Lanes for Single {
     #[inline(always)]
     fn components(with: V3, vectors: &[glam::Vec3], at: &[u32; LANES]) -> [Self; 3] {
         let avx = with.avx;
-        let vector = |lane: usize| -> __m128 {
-            let [x, y, z] = Vector::to_array(vectors[at[lane] as usize]);
-            with.sse._mm_set_ps(0.0, z, y, x)
-        };
-        let pair = |lane: usize| {
-            avx._mm256_insertf128_ps::<1>(avx._mm256_castps128_ps256(vector(lane)), vector(lane + 4))
-        };
-        let (a, b, c, d) = (pair(0), pair(1), pair(2), pair(3));
+        let [a, b, c, d] = [
+            pair(with, vectors, at[0], at[4]),
+            pair(with, vectors, at[1], at[5]),
+            pair(with, vectors, at[2], at[6]),
+            pair(with, vectors, at[3], at[7]),
+        ];
         let (xy, z) = (avx._mm256_unpacklo_ps(a, b), avx._mm256_unpackhi_ps(a, b));
         let (xy_next, z_next) = (avx._mm256_unpacklo_ps(c, d), avx._mm256_unpackhi_ps(c, d));
         [
@@ -133,6 +131,41 @@ impl Lanes for Single {
             Self(with, avx._mm256_shuffle_ps::<0x44>(z, z_next)),
         ]
     }
+}
+
+/// Two vectors, each in one half. A function, as what follows: a closure would not be compiled for these instructions.
+#[inline(always)]
+fn pair(with: V3, vectors: &[glam::Vec3], low: u32, high: u32) -> __m256 {
+    let ([x, y, z], [u, v, w]) = (vectors[low as usize].to_array(), vectors[high as usize].to_array());
+    let (low, high) = (with.sse._mm_set_ps(0.0, z, y, x), with.sse._mm_set_ps(0.0, w, v, u));
+    with.avx._mm256_insertf128_ps::<1>(with.avx._mm256_castps128_ps256(low), high)
+}
+
+#[inline(always)]
+fn vector(with: V3, vectors: &[glam::DVec3], at: u32) -> __m256d {
+    let [x, y, z] = vectors[at as usize].to_array();
+    with.avx._mm256_set_pd(0.0, z, y, x)
+}
+
+/// The components of four vectors.
+#[inline(always)]
+fn four(with: V3, vectors: &[glam::DVec3], [a, b, c, d]: [u32; 4]) -> [__m256d; 3] {
+    let avx = with.avx;
+    let (a, b) = (vector(with, vectors, a), vector(with, vectors, b));
+    let (c, d) = (vector(with, vectors, c), vector(with, vectors, d));
+    let (xz, y) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
+    let (xz_next, y_next) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));
+    [
+        avx._mm256_permute2f128_pd::<0x20>(xz, xz_next),
+        avx._mm256_permute2f128_pd::<0x20>(y, y_next),
+        avx._mm256_permute2f128_pd::<0x31>(xz, xz_next),
+    ]
+}
+
+#[inline(always)]
+fn positive_part(with: V3, value: __m256d, of: __m256d) -> __m256d {
+    let avx = with.avx;
+    avx._mm256_and_pd(value, avx._mm256_cmp_pd::<_CMP_GT_OQ>(of, avx._mm256_setzero_pd()))
 }
 
 impl Lanes for Double {
@@ -161,31 +194,15 @@ impl Lanes for Double {
 
     #[inline(always)]
     fn where_positive(self, of: Self) -> Self {
-        let avx = self.0.avx;
-        let half = |value, of| {
-            avx._mm256_and_pd(value, avx._mm256_cmp_pd::<_CMP_GT_OQ>(of, avx._mm256_setzero_pd()))
-        };
-        Self(self.0, [half(self.1[0], of.1[0]), half(self.1[1], of.1[1])])
+        let ([a, b], [c, d]) = (self.1, of.1);
+        Self(self.0, [positive_part(self.0, a, c), positive_part(self.0, b, d)])
     }
 
     #[inline(always)]
     fn components(with: V3, vectors: &[glam::DVec3], at: &[u32; LANES]) -> [Self; 3] {
-        let avx = with.avx;
-        let vector = |lane: usize| -> __m256d {
-            let [x, y, z] = Vector::to_array(vectors[at[lane] as usize]);
-            avx._mm256_set_pd(0.0, z, y, x)
-        };
-        let half = |lane: usize| {
-            let (a, b, c, d) = (vector(lane), vector(lane + 1), vector(lane + 2), vector(lane + 3));
-            let (xz, y) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
-            let (xz_next, y_next) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));
-            [
-                avx._mm256_permute2f128_pd::<0x20>(xz, xz_next),
-                avx._mm256_permute2f128_pd::<0x20>(y, y_next),
-                avx._mm256_permute2f128_pd::<0x31>(xz, xz_next),
-            ]
-        };
-        let ([x, y, z], [x_next, y_next, z_next]) = (half(0), half(4));
+        let [a, b, c, d, e, f, g, h] = *at;
+        let ([x, y, z], [x_next, y_next, z_next]) =
+            (four(with, vectors, [a, b, c, d]), four(with, vectors, [e, f, g, h]));
         [Self(with, [x, x_next]), Self(with, [y, y_next]), Self(with, [z, z_next])]
     }
 }

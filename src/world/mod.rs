@@ -428,8 +428,9 @@ impl World {
             }
             c.set_pulls(hands);
             match threads {
-                Some(pool) => pool.install(|| c.step(dt, cost)),
-                None => c.step(dt, cost),
+                // Handing a small cloth over would take longer than its step.
+                Some(pool) if c.problem.parallel() => pool.install(|| c.step(dt, cost)),
+                _ => c.step(dt, cost),
             }
             c.state.time = time;
             for hand in hands.iter_mut() {
