@@ -13,7 +13,7 @@ use std::{
 use glam::DVec3;
 
 use super::lane::Lane;
-pub use super::order::{LaneSetup, LaneState, Order, State, Values};
+pub use super::order::{LaneSetup, LaneState, Order, State, Studied, Values};
 use crate::{
     scene::{Pending, Place, Refusal},
     world::{Clock, Command, Entry, Recording, Snapshot},
@@ -69,6 +69,8 @@ pub struct Engine {
     posed: BTreeMap<u32, DVec3>,
     /// Particles to let go at a time, because their hand has moved while no time passed.
     lingering: Vec<(f64, Vec<u32>)>,
+    /// The state that was handed out last.
+    studied: Option<Studied>,
 }
 
 impl Engine {
@@ -99,6 +101,7 @@ impl Engine {
             gripped: BTreeSet::new(),
             posed: BTreeMap::new(),
             lingering: Vec::new(),
+            studied: None,
         };
         engine.open(setups)?;
         Ok(engine)
@@ -161,6 +164,11 @@ impl Engine {
             Order::Values(values) => self.values = values,
             Order::Reference(lane) => self.reference = lane.min(self.lanes.len().saturating_sub(1)),
             Order::Record(path) => self.record(&path)?,
+            Order::Study(lane) => {
+                let lane = self.lanes.get(lane);
+                let snapshot = lane.map(|lane| Arc::new(lane.world.snapshot()));
+                self.studied = snapshot.map(|snapshot| Studied { order: self.orders, snapshot });
+            }
         }
         Ok(())
     }
@@ -451,6 +459,7 @@ impl Engine {
             reference: self.reference,
             lanes,
             refusal: self.refusal.clone(),
+            studied: self.studied.clone(),
         }
     }
 

@@ -51,6 +51,12 @@ pub fn change_speed(session: &mut Session, faster: bool) {
     }
 }
 
+/// The button of the lab; true where it was pressed.
+pub fn trade_button_ui(ui: &mut Ui) -> bool {
+    let tip = "What each method costs and how wrong it is, on this scene as it stands";
+    ui.button("Trade").on_hover_text(tip).clicked()
+}
+
 /// What a drag does, beside the cloth and on it.
 pub fn hands_ui(ui: &mut Ui, session: &mut Session, tool: &mut Tool) {
     let tools = [
