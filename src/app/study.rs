@@ -243,18 +243,10 @@ impl Shared {
                     let mut status = lock(&self.status);
                     (status.done, status.of) = (done.max(status.done), of);
                 }
-                let due = {
-                    let mut told = lock(&self.told);
-                    let due = told.is_none_or(|told| told.elapsed() >= NEWS_EVERY);
-                    if due {
-                        *told = Some(Instant::now());
-                    }
-                    due
-                };
-                if due {
-                    if let Some(found) = so_far(question, journal) {
-                        *lock(&self.news) = Some(found);
-                    }
+                let is_due = lock(&self.told).is_none_or(|told| told.elapsed() >= NEWS_EVERY);
+                if is_due && let Some(found) = so_far(question, journal) {
+                    *lock(&self.told) = Some(Instant::now());
+                    *lock(&self.news) = Some(found);
                     wake();
                 }
             }

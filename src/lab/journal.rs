@@ -209,7 +209,9 @@ impl Journal {
             .par_iter()
             .map(|part| {
                 let trial = serde_json::json!({ stage: part });
-                let result = self.one(&trial, || work(part));
+                // Stopped, the parts that are left are not even begun.
+                let begin = || if progress(Event::Alive) { work(part) } else { Err(Stop::Cancelled) };
+                let result = self.one(&trial, begin);
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(Event::Done(done, parts.len()));
                 result

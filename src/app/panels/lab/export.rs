@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use egui::{Align2, RichText, TextEdit, Ui, WidgetInfo, vec2};
+use egui::{Align2, RichText, TextEdit, Ui, vec2};
 use serde::Serialize;
 
 use super::{Finding, Lab};
@@ -60,11 +60,10 @@ fn question_ui(ui: &mut Ui, lab: &mut Lab) {
     let window = egui::Window::new("Export what the lab has found").collapsible(false).resizable(false);
     window.open(&mut is_open).anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0)).show(ui.ctx(), |ui| {
         ui.set_width(440.0);
-        ui.label("Folder");
+        let label = ui.label("Folder");
         ui.horizontal(|ui| {
             let field = TextEdit::singleline(&mut folder).desired_width(340.0);
-            let response = ui.add(field);
-            response.widget_info(|| WidgetInfo::text_edit(true, "", &folder, "Folder to export to"));
+            ui.add(field).labelled_by(label.id);
             if ui.button("Browse…").clicked() {
                 let answer = rfd::AsyncFileDialog::new().pick_folder();
                 let work = move || pollster::block_on(answer).map(|folder| folder.path().to_owned());

@@ -264,7 +264,7 @@ impl Lab {
         }
     }
 
-    /// A thousandth of the cloth's size, in one digit, until the user says otherwise.
+    /// About a thousandth of the cloth's size, a power of ten, until the user says otherwise.
     fn propose(&mut self, session: &Session) {
         let target = &session.scene().target;
         if self.proposed_for.as_ref() == Some(target) {
@@ -276,7 +276,7 @@ impl Lab {
         self.proposed_for = Some(target.clone());
         let size = f64::from((bounds.max - bounds.min).max_element());
         if size > 0.0 {
-            self.tolerance = 10_f64.powf((size * 1e-3).log10().floor());
+            self.tolerance = 10_f64.powf((size * 1e-3).log10().round());
         }
     }
 
@@ -461,7 +461,7 @@ impl Lab {
     fn progress_ui(&self, ui: &mut Ui) {
         if let Some(study) = &self.study {
             let status = study.status();
-            let part = if status.of > 0 { status.done as f32 / status.of as f32 } else { 0.0 };
+            let part = if status.of > 1 { status.done as f32 / status.of as f32 } else { 0.0 };
             let name = match &study.question {
                 Question::Trade(_) => "Trade",
                 Question::Stability(_) => "Stability",
@@ -498,16 +498,15 @@ fn tolerance_ui(ui: &mut Ui, tolerance: &mut f64) {
     field.on_hover_text("RMS position error that is accepted, m");
 }
 
-/// Whether a finding may be applied, with what is to be said about its age.
-fn freshness_ui(ui: &mut Ui, freshness: Freshness, is_whole: bool, is_busy: bool) -> bool {
+/// What is to be said about a finding's age.
+fn freshness_ui(ui: &mut Ui, freshness: Freshness, is_whole: bool, is_busy: bool) {
     let text = match freshness {
-        Freshness::Fresh if !is_whole && !is_busy => "Not whole: it was cancelled.",
-        Freshness::Fresh => return true,
+        Freshness::Fresh if is_whole || is_busy => return,
+        Freshness::Fresh => "Not whole: it was cancelled.",
         Freshness::Edited => "The scene was edited since: these are figures of the scene as it was.",
         Freshness::Elsewhere => "These are figures of another scene than the one that is open.",
     };
     ui.label(RichText::new(text).color(WARNING));
-    freshness != Freshness::Elsewhere
 }
 
 /// What is shown where nothing was found yet.

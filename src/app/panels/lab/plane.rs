@@ -56,6 +56,7 @@ pub fn log_log<'a>(name: &'a str, x: &'a str, y: &'a str) -> Plot<'a> {
         .x_axis_formatter(|mark, range| tick(mark, range.end() - range.start()))
         .y_axis_formatter(|mark, range| tick(mark, range.end() - range.start()))
         .y_axis_min_width(46.0)
+        .grid_color(Color32::GRAY.gamma_multiply(0.4))
         .show_x(false)
         .show_y(false)
         .show_crosshair(false)
@@ -70,7 +71,7 @@ fn decades(input: GridInput) -> Vec<GridMark> {
     if !(0..=60).contains(&(high - low)) {
         return Vec::new();
     }
-    let mut marks = Vec::new();
+    let mut marks: Vec<GridMark> = Vec::new();
     for decade in low..=high {
         marks.push(GridMark { value: f64::from(decade), step_size: 1.0 });
         if high - low <= 8 {
@@ -78,6 +79,7 @@ fn decades(input: GridInput) -> Vec<GridMark> {
             marks.extend(between.map(|value| GridMark { value, step_size: 0.12 }));
         }
     }
+    marks.retain(|mark| (input.bounds.0..=input.bounds.1).contains(&mark.value));
     marks
 }
 

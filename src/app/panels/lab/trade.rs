@@ -161,9 +161,8 @@ pub fn ui(ui: &mut Ui, lab: &mut Lab, session: &mut Session) {
         ui,
         |ui| {
             egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                let can_use = freshness_ui(ui, freshness, finding.is_whole, is_busy);
-                debug_assert!(can_use || freshness == Freshness::Elsewhere);
-                subject_ui(ui, finding);
+                freshness_ui(ui, freshness, finding.is_whole, is_busy);
+                subject_ui(ui, finding, lab.tolerance);
                 ui.separator();
                 legend_ui(ui, &finding.table, &mut hidden, lab.tolerance);
             });
@@ -179,7 +178,7 @@ pub fn ui(ui: &mut Ui, lab: &mut Lab, session: &mut Session) {
 }
 
 /// What was studied, and against what.
-fn subject_ui(ui: &mut Ui, finding: &Finding<Trade>) {
+fn subject_ui(ui: &mut Ui, finding: &Finding<Trade>, tolerance: f64) {
     let Finding { subject, table, is_disturbed, took, .. } = finding;
     ui.label(RichText::new(subject.label()).strong());
     let small = |ui: &mut Ui, text: String| ui.label(RichText::new(text).small());
@@ -203,6 +202,10 @@ fn subject_ui(ui: &mut Ui, finding: &Finding<Trade>) {
         let tip =
             "After that time nearby trajectories have parted a hundredfold: positions are no longer compared";
         small(ui, text).on_hover_text(tip);
+    }
+    if table.reference.as_ref().is_some_and(|reference| reference.displacement < tolerance) {
+        let text = "The cloth hardly moves from here: there is little to be wrong about. Move it, or measure from the start.";
+        ui.label(RichText::new(text).small().color(super::WARNING));
     }
     if let Some(machine) = &table.machine {
         let text = format!("Time: one thread, {}, tenter {}", machine.processor, machine.tenter);
