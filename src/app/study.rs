@@ -242,6 +242,12 @@ impl Shared {
                 {
                     let mut status = lock(&self.status);
                     (status.done, status.of) = (done.max(status.done), of);
+                    if let Question::Advice(options) = question
+                        && status.stage == "advice"
+                    {
+                        // One method after the other: each is a stage of its own to the lab.
+                        (status.done, status.of) = (journal.ran(), searches(&options.simulators));
+                    }
                 }
                 let is_due = lock(&self.told).is_none_or(|told| told.elapsed() >= NEWS_EVERY);
                 if is_due && let Some(found) = so_far(question, journal) {
@@ -253,6 +259,12 @@ impl Shared {
         }
         !self.cancelled.load(Ordering::Relaxed)
     }
+}
+
+/// Searches of an advice: one for each method and number of sweeps.
+fn searches(simulators: &[String]) -> usize {
+    let entries = trade::chosen(simulators).unwrap_or_default();
+    entries.into_iter().map(|entry| trade::variants(entry).len()).sum()
 }
 
 /// What a journal holds so far, of the studies whose parts say something by themselves.

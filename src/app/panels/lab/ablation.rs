@@ -42,6 +42,10 @@ pub fn controls_ui(ui: &mut Ui, view: &mut View) {
 /// An ingredient in words.
 pub fn name_of(ingredient: &str) -> String {
     match ingredient {
+        "springs.stretch" => "Stretch springs".to_owned(),
+        "springs.shear" => "Shear springs".to_owned(),
+        "springs.bend" => "Bend springs".to_owned(),
+        "springs.damping" => "Spring damping".to_owned(),
         "precision" => "Double precision".to_owned(),
         "resolution" => "Full resolution (half tried)".to_owned(),
         "sweeps" => "All sweeps (half tried)".to_owned(),

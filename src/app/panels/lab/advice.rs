@@ -98,7 +98,7 @@ fn pick_ui(ui: &mut Ui, finding: &Finding<Advice>, freshness: Freshness) -> Opti
     let advice = &finding.table;
     let mut used = None;
     if !advice.met {
-        ui.label(RichText::new("Nothing meets this; the closest is").color(super::WARNING));
+        ui.label(RichText::new("Nothing meets this; the closest is").color(super::warning(ui)));
     }
     ui.horizontal_wrapped(|ui| {
         let button = egui::Button::new(RichText::new("Apply").strong());

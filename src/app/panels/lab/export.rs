@@ -102,22 +102,22 @@ impl Bundle {
             let (text, diagram) = (report::trade(&found.table), report::trade_diagram(&found.table));
             bundle.file("trade", "csv", report::trade_csv(&found.table));
             bundle.file("trade", "svg", diagram.clone());
-            bundle.add("trade", "Speed against accuracy", found, text, diagram)?;
+            bundle.add("trade", "Speed against accuracy", found, &text, diagram)?;
         }
         if let Some(found) = &lab.stability.finding {
             let method = found.table.limits.first().map_or("", |limit| &limit.simulator);
             let (text, diagram) = (report::stability(&found.table), report::map(&found.table, method));
             bundle.file("stability", "csv", report::stability_csv(&found.table));
             bundle.file("stability", "svg", diagram.clone());
-            bundle.add("stability", "Stability", found, text, diagram)?;
+            bundle.add("stability", "Stability", found, &text, diagram)?;
         }
         if let Some(found) = &lab.ablation.finding {
             bundle.file("ablate", "csv", report::ablation_csv(&found.table));
             let text = report::ablation(&found.table);
-            bundle.add("ablate", "What the scene requires", found, text, String::new())?;
+            bundle.add("ablate", "What the scene requires", found, &text, String::new())?;
         }
         if let Some(found) = &lab.advice.finding {
-            bundle.add("advise", "Advice", found, report::advice(&found.table), String::new())?;
+            bundle.add("advise", "Advice", found, &report::advice(&found.table), String::new())?;
         }
         Ok(bundle)
     }
@@ -133,7 +133,7 @@ impl Bundle {
         name: &'static str,
         title: &str,
         found: &Finding<T>,
-        text: String,
+        text: &str,
         diagram: String,
     ) -> Result<(), Refusal> {
         let json = serde_json::to_string_pretty(&found.table).map_err(|e| Refusal::new(e.to_string()))?;

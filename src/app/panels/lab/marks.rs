@@ -103,7 +103,7 @@ pub fn legend_mark_ui(ui: &mut Ui, look: Look, text: &str) {
     ui.horizontal(|ui| {
         let (rect, _) = ui.allocate_exact_size(vec2(16.0, 14.0), Sense::hover());
         look.paint(ui.painter(), rect.center(), 4.0);
-        ui.label(egui::RichText::new(text).small());
+        ui.add(egui::Label::new(egui::RichText::new(text).small()).wrap());
     });
 }
 
@@ -117,6 +117,6 @@ pub fn legend_line_ui(ui: &mut Ui, stroke: Stroke, dashed: bool, text: &str) {
         } else {
             ui.painter().line_segment(ends, stroke);
         }
-        ui.label(egui::RichText::new(text).small());
+        ui.add(egui::Label::new(egui::RichText::new(text).small()).wrap());
     });
 }

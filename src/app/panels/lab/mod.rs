@@ -11,7 +11,7 @@ mod trade;
 
 use std::{collections::BTreeSet, sync::Arc, time::Duration};
 
-use egui::{Button, DragValue, RichText, Ui, WidgetInfo};
+use egui::{Button, Color32, DragValue, RichText, Ui, WidgetInfo};
 
 use super::{params::WARNING, simulation::title};
 use crate::{
@@ -44,6 +44,15 @@ impl Tab {
         (Self::Ablation, "Ablation", "What the scene requires, and what can be left out"),
         (Self::Advice, "Advice", "The cheapest settings that keep an error, or the best within a budget"),
     ];
+}
+
+/// What trials start from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Start {
+    /// The state that the cloth is in.
+    Now,
+    /// The beginning of the scene.
+    Beginning,
 }
 
 /// What a study found, and of what.
@@ -113,7 +122,7 @@ pub struct Lab {
     pub tab: Tab,
     /// Simulated time that is compared, s.
     seconds: f64,
-    from_start: bool,
+    start: Start,
     measures_time: bool,
     /// Methods that are left out of trade and advice.
     left_out: BTreeSet<&'static str>,
@@ -142,7 +151,7 @@ impl Default for Lab {
             is_open: false,
             tab: Tab::Trade,
             seconds: 1.0,
-            from_start: false,
+            start: Start::Now,
             measures_time: true,
             left_out: BTreeSet::new(),
             tolerance: 1e-3,
@@ -203,7 +212,7 @@ impl Lab {
             && let Some((_, mut subject, question)) = self.waiting.take()
         {
             subject.scene = snapshot.scene().clone();
-            subject.from = (!self.from_start).then(|| snapshot.time());
+            subject.from = (self.start == Start::Now).then(|| snapshot.time());
             let (references, window) = (Arc::clone(&self.references), window.clone());
             match Study::start(subject, snapshot, question, references, move || window.request_repaint()) {
                 Ok(study) => self.study = Some(study),
@@ -376,11 +385,11 @@ impl Lab {
             }
         }
         ui.separator();
-        for (from_start, name, tip) in [
-            (false, "From now", "Trials start from the state that the cloth is in"),
-            (true, "From start", "Trials start from the beginning of the scene"),
+        for (start, name, tip) in [
+            (Start::Now, "From now", "Trials start from the state that the cloth is in"),
+            (Start::Beginning, "From start", "Trials start from the beginning of the scene"),
         ] {
-            ui.selectable_value(&mut self.from_start, from_start, name).on_hover_text(tip);
+            ui.selectable_value(&mut self.start, start, name).on_hover_text(tip);
         }
         ui.label("over");
         let field =
@@ -480,7 +489,7 @@ impl Lab {
                 WidgetInfo::labeled(egui::Role::ProgressIndicator, true, "Progress of the study")
             });
         } else if let Some(message) = &self.message {
-            ui.label(RichText::new(message).color(WARNING));
+            ui.label(RichText::new(message).color(warning(ui)));
         }
     }
 }
@@ -498,6 +507,11 @@ fn tolerance_ui(ui: &mut Ui, tolerance: &mut f64) {
     field.on_hover_text("RMS position error that is accepted, m");
 }
 
+/// Colour of text and lines that warn, to be read on dark and on light.
+fn warning(ui: &Ui) -> Color32 {
+    if ui.visuals().dark_mode { WARNING } else { Color32::from_rgb(176, 100, 0) }
+}
+
 /// What is to be said about a finding's age.
 fn freshness_ui(ui: &mut Ui, freshness: Freshness, is_whole: bool, is_busy: bool) {
     let text = match freshness {
@@ -506,7 +520,7 @@ fn freshness_ui(ui: &mut Ui, freshness: Freshness, is_whole: bool, is_busy: bool
         Freshness::Edited => "The scene was edited since: these are figures of the scene as it was.",
         Freshness::Elsewhere => "These are figures of another scene than the one that is open.",
     };
-    ui.label(RichText::new(text).color(WARNING));
+    ui.label(RichText::new(text).color(warning(ui)));
 }
 
 /// What is shown where nothing was found yet.

@@ -1,7 +1,7 @@
 //! Logarithmic diagrams: their axes, and the colours of methods and zones.
 
 use egui::Color32;
-use egui_plot::{GridInput, GridMark, Plot};
+use egui_plot::{GridMark, Plot};
 
 use crate::{app::panels::health::three, lab::trial::Zone, simulators};
 
@@ -51,8 +51,8 @@ pub fn log_log<'a>(name: &'a str, x: &'a str, y: &'a str) -> Plot<'a> {
     Plot::new(name)
         .x_axis_label(x)
         .y_axis_label(y)
-        .x_grid_spacer(decades)
-        .y_grid_spacer(decades)
+        .x_grid_spacer(|input| decades(input.bounds))
+        .y_grid_spacer(|input| decades(input.bounds))
         .x_axis_formatter(|mark, range| tick(mark, range.end() - range.start()))
         .y_axis_formatter(|mark, range| tick(mark, range.end() - range.start()))
         .y_axis_min_width(46.0)
@@ -65,8 +65,8 @@ pub fn log_log<'a>(name: &'a str, x: &'a str, y: &'a str) -> Plot<'a> {
 }
 
 /// Grid lines at powers of ten, and between them where there is room.
-fn decades(input: GridInput) -> Vec<GridMark> {
-    let (low, high) = (input.bounds.0.floor() as i32, input.bounds.1.ceil() as i32);
+fn decades(bounds: (f64, f64)) -> Vec<GridMark> {
+    let (low, high) = (bounds.0.floor() as i32, bounds.1.ceil() as i32);
     // A diagram that is not laid out yet has no sensible bounds.
     if !(0..=60).contains(&(high - low)) {
         return Vec::new();
@@ -79,7 +79,7 @@ fn decades(input: GridInput) -> Vec<GridMark> {
             marks.extend(between.map(|value| GridMark { value, step_size: 0.12 }));
         }
     }
-    marks.retain(|mark| (input.bounds.0..=input.bounds.1).contains(&mark.value));
+    marks.retain(|mark| (bounds.0..=bounds.1).contains(&mark.value));
     marks
 }
 

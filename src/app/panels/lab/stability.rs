@@ -180,7 +180,7 @@ fn legend_ui(ui: &mut Ui, table: &Stability, axis: Axis) {
     ui.spacing_mut().item_spacing.y = 1.0;
     let look = |zone| Look { shape: MarkerShape::Circle, colour: zone_colour(zone), filled: true };
     legend_mark_ui(ui, look(Zone::Quiet), "quiet");
-    legend_mark_ui(ui, look(Zone::Unsettled), "unsettled: bounded, but shaking from step to step");
+    legend_mark_ui(ui, look(Zone::Unsettled), "unsettled: shakes from step to step");
     legend_mark_ui(ui, look(Zone::Diverged), "diverged: burst");
     let strong = ui.visuals().strong_text_color();
     if table.boundaries.iter().any(|b| b.theory.is_some()) {

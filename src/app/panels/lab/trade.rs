@@ -205,7 +205,7 @@ fn subject_ui(ui: &mut Ui, finding: &Finding<Trade>, tolerance: f64) {
     }
     if table.reference.as_ref().is_some_and(|reference| reference.displacement < tolerance) {
         let text = "The cloth hardly moves from here: there is little to be wrong about. Move it, or measure from the start.";
-        ui.label(RichText::new(text).small().color(super::WARNING));
+        ui.label(RichText::new(text).small().color(super::warning(ui)));
     }
     if let Some(machine) = &table.machine {
         let text = format!("Time: one thread, {}, tenter {}", machine.processor, machine.tenter);
@@ -213,7 +213,7 @@ fn subject_ui(ui: &mut Ui, finding: &Finding<Trade>, tolerance: f64) {
     }
     if *is_disturbed {
         let text = "Times are disturbed: the simulation ran while they were measured.";
-        ui.label(RichText::new(text).small().color(super::WARNING));
+        ui.label(RichText::new(text).small().color(super::warning(ui)));
     }
 }
 
@@ -236,7 +236,7 @@ fn legend_ui(ui: &mut Ui, table: &Trade, hidden: &mut BTreeSet<String>, toleranc
             if let Some(order) = order.filter(|_| same_model) {
                 let observed = order.observed.unwrap_or_default();
                 let text = RichText::new(format!("order {observed:.1}")).small().weak();
-                let text = if order.flagged { text.color(super::WARNING) } else { text };
+                let text = if order.flagged { text.color(super::warning(ui)) } else { text };
                 let tip = format!("Observed over halvings of dt, in Double; declared {}", order.declared);
                 ui.label(text).on_hover_text(tip);
             }
@@ -252,7 +252,12 @@ fn legend_ui(ui: &mut Ui, table: &Trade, hidden: &mut BTreeSet<String>, toleranc
     let grey = ui.visuals().text_color();
     let look = |shape, filled| Look { shape, colour: grey, filled };
     legend_line_ui(ui, Stroke::new(3.0, strong), false, "Pareto front: nothing beats these in both");
-    legend_line_ui(ui, Stroke::new(1.5, super::WARNING), true, &format!("tolerance, {} m", three(tolerance)));
+    legend_line_ui(
+        ui,
+        Stroke::new(1.5, super::warning(ui)),
+        true,
+        &format!("tolerance, {} m", three(tolerance)),
+    );
     legend_mark_ui(ui, look(MarkerShape::Circle, true), "double precision");
     legend_mark_ui(ui, look(MarkerShape::Diamond, true), "single precision, dotted line");
     legend_mark_ui(ui, look(MarkerShape::Plus, true), "unsettled: shakes from step to step");
@@ -280,7 +285,7 @@ fn diagram_ui(
         Work::Time => "seconds of computing for each simulated second",
     };
     let name = if view.work == Work::Visits { "trade by visits" } else { "trade by time" };
-    let strong = ui.visuals().strong_text_color();
+    let (strong, accent) = (ui.visuals().strong_text_color(), super::warning(ui));
     let lines = lines(&marks);
     let front: Vec<[f64; 2]> = front(&marks);
     let edge = marks.iter().any(|mark| mark.look.shape == MarkerShape::Cross).then(|| edge_of(&table.rows));
@@ -305,9 +310,7 @@ fn diagram_ui(
         if let Some(floor) = floor {
             plot.hline(line(floor, "floor", Color32::GRAY.gamma_multiply(0.5), LineStyle::dotted_loose()));
         }
-        plot.hline(
-            line(tolerance.log10(), "tolerance", super::WARNING, LineStyle::dashed_dense()).width(1.5),
-        );
+        plot.hline(line(tolerance.log10(), "tolerance", accent, LineStyle::dashed_dense()).width(1.5));
         lines.into_iter().for_each(|line| plot.line(line));
         if front.len() > 1 {
             plot.line(Line::new("front", front).color(strong).width(3.0).allow_hover(false));
