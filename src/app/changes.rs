@@ -1,5 +1,6 @@
-//! What differs between two scenes, as settings that lead from the one to the other.
+//! What differs between two scenes, as settings that lead from the one to the other, and as an edit.
 
+use super::session::Session;
 use crate::scene::{Refusal, Scene, to_ron};
 
 /// Keys, values and the values before, in an order in which they can be set one after the other.
@@ -24,6 +25,32 @@ pub fn changes(from: &Scene, to: &Scene) -> Result<Vec<(String, String, String)>
     set("pins", from.pins != to.pins, [from, to].map(|s| to_ron(&s.pins.list(&s.target))))?;
     each!(mass, springs, air_damping, gravity, wind, tearing, simulator, precision, dt, target);
     Ok(changes)
+}
+
+impl Session {
+    /// Makes the scene of the lane that is edited into another: one edit that can be taken back. With several lanes, what they
+    /// share and what is the lane's own are two.
+    pub fn become_scene(&mut self, label: &str, scene: &Scene) {
+        let changes = match changes(self.scene(), scene) {
+            Ok(changes) => changes,
+            Err(refusal) => {
+                self.message = Some(refusal.to_string());
+                return;
+            }
+        };
+        let only = (self.scenes().len() > 1).then_some(self.lane);
+        let is_own = |change: &(String, String, String)| {
+            only.is_some() && ["simulator", "precision", "dt"].contains(&change.0.as_str())
+        };
+        let (own, shared): (Vec<_>, Vec<_>) = changes.into_iter().partition(is_own);
+        for (lane, changes) in [(None, shared), (only, own)] {
+            if !changes.is_empty() {
+                self.end_edit();
+                self.set_all(lane, label, &changes);
+            }
+        }
+        self.end_edit();
+    }
 }
 
 #[cfg(test)]

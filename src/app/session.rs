@@ -8,7 +8,6 @@ use std::{collections::BTreeSet, path::PathBuf, sync::Arc};
 use glam::DVec3;
 
 use super::{
-    changes::changes,
     engine::{Engine, LaneSetup, LaneState, Order, State, Values},
     history::{Edit, History},
     render::flag,
@@ -318,30 +317,6 @@ impl Session {
                 let _ = draft.set_key(key, value);
             }
         }
-    }
-
-    /// Makes the scene of the lane that is edited into another: one edit that can be taken back. With several lanes, what they
-    /// share and what is the lane's own are two.
-    pub fn become_scene(&mut self, label: &str, scene: &Scene) {
-        let changes = match changes(self.scene(), scene) {
-            Ok(changes) => changes,
-            Err(refusal) => {
-                self.message = Some(refusal.to_string());
-                return;
-            }
-        };
-        let only = (self.drafts.len() > 1).then_some(self.lane);
-        let is_own = |change: &(String, String, String)| {
-            only.is_some() && ["simulator", "precision", "dt"].contains(&change.0.as_str())
-        };
-        let (own, shared): (Vec<_>, Vec<_>) = changes.into_iter().partition(is_own);
-        for (lane, changes) in [(None, shared), (only, own)] {
-            if !changes.is_empty() {
-                self.end_edit();
-                self.set_all(lane, label, &changes);
-            }
-        }
-        self.end_edit();
     }
 
     /// Asks for the present state of the lane that is edited; answers with the number to ask [`studied`](Self::studied) for.

@@ -3,7 +3,8 @@
 use egui::{DragValue, RichText, Ui, WidgetInfo};
 
 use super::{
-    Finding, Freshness, Lab, freshness_ui, nothing_ui, tolerance_ui, use_settings, without_settings, words,
+    Finding, Freshness, Lab, controls::tolerance_ui, freshness_ui, nothing_ui, use_settings,
+    without_settings, words,
 };
 use crate::{
     app::{panels::health::three, session::Session},
