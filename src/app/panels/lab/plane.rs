@@ -73,7 +73,9 @@ fn decades(bounds: (f64, f64)) -> Vec<GridMark> {
     }
     let mut marks: Vec<GridMark> = Vec::new();
     for decade in low..=high {
-        marks.push(GridMark { value: f64::from(decade), step_size: 1.0 });
+        // Where many decades leave no room for all labels, every third has one.
+        let step_size = if high - low > 8 && decade % 3 == 0 { 3.0 } else { 1.0 };
+        marks.push(GridMark { value: f64::from(decade), step_size });
         if high - low <= 8 {
             let between = (2..10).map(|n| f64::from(decade) + f64::from(n).log10());
             marks.extend(between.map(|value| GridMark { value, step_size: 0.12 }));
