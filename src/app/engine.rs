@@ -16,7 +16,7 @@ use std::{
 use glam::DVec3;
 
 use super::lane::Lane;
-pub use super::order::{LaneSetup, LaneState, Limit, Order, State, Values};
+pub use super::order::{LaneSetup, LaneState, Limit, Order, State, Studied, Values};
 use crate::{
     scene::{Pending, Place, Refusal},
     world::{Clock, Command, Entry, Recording},
@@ -61,6 +61,8 @@ pub struct Engine {
     grips: Grips,
     /// Threads that each lane steps on, where the user has said so.
     threads: Option<usize>,
+    /// The state that was handed out last.
+    studied: Option<Studied>,
 }
 
 impl Engine {
@@ -98,6 +100,7 @@ impl Engine {
             memory: Memory::default(),
             grips: Grips::default(),
             threads,
+            studied: None,
         };
         engine.open(setups)?;
         Ok(engine)
@@ -166,6 +169,11 @@ impl Engine {
             Order::Values(values) => self.values = values,
             Order::Reference(lane) => self.reference = lane.min(self.lanes.len().saturating_sub(1)),
             Order::Record(path) => self.record(&path)?,
+            Order::Study(lane) => {
+                let lane = self.lanes.get(lane);
+                let snapshot = lane.map(|lane| Arc::new(lane.world.snapshot()));
+                self.studied = snapshot.map(|snapshot| Studied { order: self.orders, snapshot });
+            }
         }
         Ok(())
     }
@@ -393,6 +401,7 @@ impl Engine {
             lanes,
             refusal: self.refusal.clone(),
             is_still: false,
+            studied: self.studied.clone(),
         }
     }
 

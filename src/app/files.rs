@@ -40,11 +40,11 @@ pub enum Next {
 }
 
 /// Work on a thread of its own.
-struct Job<T>(Receiver<T>);
+pub(super) struct Job<T>(Receiver<T>);
 
 impl<T: Send + 'static> Job<T> {
     /// Starts; without a window to wake, the work is done at once.
-    fn start(window: Option<&egui::Context>, work: impl FnOnce() -> T + Send + 'static) -> Self {
+    pub(super) fn start(window: Option<&egui::Context>, work: impl FnOnce() -> T + Send + 'static) -> Self {
         let (sender, receiver) = channel();
         if let Some(window) = window.cloned() {
             // A thread that does not start drops the sender: the job then ends without an answer.
@@ -66,7 +66,7 @@ impl<T: Send + 'static> Job<T> {
 }
 
 /// Takes the answer of a job, and the job away once it has ended.
-fn take<T: Send + 'static>(job: &mut Option<Job<T>>) -> Option<T> {
+pub(super) fn take<T: Send + 'static>(job: &mut Option<Job<T>>) -> Option<T> {
     let answer = job.as_ref()?.answer();
     if !matches!(answer, Err(TryRecvError::Empty)) {
         *job = None;

@@ -9,13 +9,14 @@ use std::{
 use glam::DVec3;
 
 use super::{
+    changes::changes,
     geometry::Geometry,
     order::{LaneSetup, LaneState, Limit, Values},
     render::flag,
 };
 use crate::{
     forces::Spectrum,
-    scene::{Place, Refusal, Scene, to_ron},
+    scene::{Place, Refusal, Scene},
     target::ImportReport,
     world::{Command, Measures, Snapshot, World},
 };
@@ -213,25 +214,10 @@ impl Lane {
 
     /// Sets what a newer scene of the same target has set.
     fn adopt(&mut self, scene: &Scene) {
-        let old = self.world.scene().clone();
-        let mut set = |key: &str, differs: bool, value: Result<String, Refusal>| {
-            if let (true, Ok(value)) = (differs, value) {
-                // Accepted once, it is accepted again.
-                let _ = self.world.apply(Command::Set { key: key.to_owned(), value });
-            }
-        };
-        // Before the pins, which may need it.
-        set("target", old.target != scene.target, to_ron(&scene.target));
-        set("pins", old.pins != scene.pins, to_ron(&scene.pins.list(&scene.target)));
-        set("mass", old.mass != scene.mass, to_ron(&scene.mass));
-        set("springs", old.springs != scene.springs, to_ron(&scene.springs));
-        set("air_damping", old.air_damping != scene.air_damping, to_ron(&scene.air_damping));
-        set("gravity", old.gravity != scene.gravity, to_ron(&scene.gravity));
-        set("wind", old.wind != scene.wind, to_ron(&scene.wind));
-        set("tearing", old.tearing != scene.tearing, to_ron(&scene.tearing));
-        set("simulator", old.simulator != scene.simulator, to_ron(&scene.simulator));
-        set("precision", old.precision != scene.precision, to_ron(&scene.precision));
-        set("dt", old.dt != scene.dt, to_ron(&scene.dt));
+        for (key, value, _) in changes(self.world.scene(), scene).unwrap_or_default() {
+            // Accepted once, it is accepted again.
+            let _ = self.world.apply(Command::Set { key, value });
+        }
     }
 
     /// What the interface sees. `posed` are held particles whose hand has moved while no time passed.

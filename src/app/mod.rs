@@ -1,6 +1,7 @@
 //! The workbench: a window in which cloth is seen, taken hold of, and changed while it runs.
 
 pub mod camera;
+mod changes;
 pub mod display;
 pub mod engine;
 pub mod exporting;
@@ -21,6 +22,7 @@ pub mod render;
 pub mod session;
 pub mod shell;
 pub mod simulation;
+pub mod study;
 mod swapchain;
 pub mod theme;
 pub mod trace;

@@ -12,7 +12,7 @@ use super::geometry::Geometry;
 use crate::{
     scene::{Opened, Place, Scene},
     target::ImportReport,
-    world::{Command, Health, Measures},
+    world::{Command, Health, Measures, Snapshot},
 };
 
 /// What the interface can ask for.
@@ -69,6 +69,8 @@ pub enum Order {
     Reference(usize),
     /// Writes a recording of the first lane, from its start until now.
     Record(PathBuf),
+    /// Hands out the present state of a lane, to be studied.
+    Study(usize),
 }
 
 /// What the surface can be coloured by.
@@ -192,4 +194,21 @@ pub struct State {
     pub refusal: Option<(u64, String)>,
     /// No particle has moved so far since the state before that it could be seen.
     pub is_still: bool,
+    /// The state that was asked for last, to be studied, with the order's number.
+    pub studied: Option<Studied>,
+}
+
+/// A state that was handed out, with the number of the order that asked for it.
+#[derive(Clone)]
+pub struct Studied {
+    /// The order's number.
+    pub order: u64,
+    /// The state.
+    pub snapshot: Arc<Snapshot>,
+}
+
+impl std::fmt::Debug for Studied {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Studied({} at {} s)", self.order, self.snapshot.time())
+    }
 }

@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     scene::{Place, Scene, Target},
-    world::Command,
+    world::{Command, Snapshot},
 };
 
 /// Where orders go.
@@ -332,6 +332,18 @@ impl Session {
                 let _ = draft.set_key(key, value);
             }
         }
+    }
+
+    /// Asks for the present state of the lane that is edited; answers with the number to ask [`studied`](Self::studied) for.
+    pub fn study(&mut self) -> u64 {
+        self.order(Order::Study(self.lane));
+        self.sent
+    }
+
+    /// The state that was asked for, once it is there.
+    pub fn studied(&self, number: u64) -> Option<Arc<Snapshot>> {
+        let studied = self.state.studied.as_ref().filter(|studied| studied.order == number);
+        studied.map(|studied| Arc::clone(&studied.snapshot))
     }
 
     /// A slider was let go: the next change of the same key is another edit.

@@ -15,7 +15,7 @@ use super::{
     files::{Files, Next, Purpose},
     gallery::Gallery,
     hands::{Intent, Tool},
-    panels::{self, Action, Ask, Display},
+    panels::{self, Action, Ask, Display, Lab},
     picking,
     preferences::Preferences,
     render::{Cloth, Style, Theme},
@@ -36,6 +36,8 @@ pub struct Workbench {
     pub display: Display,
     /// What is being opened and saved.
     pub files: Files,
+    /// What methods cost, how wrong they are, and where they stop being stable.
+    pub lab: Lab,
     preferences_file: Option<PathBuf>,
     ask: Option<Ask>,
     shows_gallery: bool,
@@ -74,6 +76,7 @@ impl Workbench {
             style: preferences.style.clone(),
             display: Display::default(),
             files: Files::new(preferences),
+            lab: Lab::default(),
             preferences_file: file,
             ask: None,
             shows_gallery: false,
@@ -114,10 +117,12 @@ impl Workbench {
         self.session.refresh();
         if was_open && self.session.opening().is_none() {
             self.focus = Some(Focus::Opened);
+            self.lab.cancel();
         }
         self.see_burst();
         self.is_finished |= self.closer.is_asked();
         self.poll(ui);
+        self.lab.poll(&mut self.session, ui.ctx());
         let closes = (self.shows_help || self.shows_gallery) && self.ask.is_none();
         if closes && ui.input_mut(|input| input.consume_key(egui::Modifiers::NONE, egui::Key::Escape)) {
             (self.shows_help, self.shows_gallery) = (false, false);
@@ -161,12 +166,19 @@ impl Workbench {
                 actions.extend(panels::transport_ui(ui, &mut self.session));
                 ui.separator();
                 panels::hands_ui(ui, &mut self.session, &mut self.viewport.hands.tool);
+                ui.separator();
+                actions.extend(panels::trade_button_ui(ui).then_some(Action::Trade));
             });
         });
         egui::Panel::bottom("status").show(ui, |ui| {
             let uploaded = self.uploaded();
             panels::status_ui(ui, &self.session, self.files.loading(), &self.device, uploaded);
         });
+        if self.lab.is_open {
+            let height = ui.available_height();
+            let panel = egui::Panel::bottom("lab").resizable(true).default_size(0.52 * height);
+            panel.size_range(200.0..=0.8 * height).show(ui, |ui| self.lab.ui(ui, &mut self.session));
+        }
         let [left, right, bottom] = self.files.preferences.panels;
         let widths = &mut self.files.preferences.panels;
         let lanes = self.session.state().lanes.len();
@@ -325,6 +337,9 @@ impl Workbench {
             Action::Theme => {
                 self.style.theme = if self.style.theme == Theme::Dark { Theme::Light } else { Theme::Dark };
             }
+            Action::Lab => self.lab.is_open = !self.lab.is_open,
+            Action::Trade => self.lab.show_trade(session),
+            Action::Study(tab) => self.lab.show(*tab),
             Action::Help => self.shows_help = !self.shows_help,
         }
     }

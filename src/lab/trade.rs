@@ -5,7 +5,7 @@ use super::reference::{MARGIN, Reference, References};
 use super::statistics::Statistics;
 use super::timing::{self, Machine, Measured, Time};
 use super::trial::{self, Keep, Trial, Zone};
-use super::{Case, Effort, Journal, Progress, Settings, Stop, equilibrium};
+use super::{Case, Effort, Event, Journal, Progress, Settings, Stop, equilibrium};
 use crate::forces::Spectrum;
 use crate::scene::{Precision, Refusal};
 use crate::simulators::{self, Build, Entry, Model, SimulatorSettings, Value};
@@ -254,11 +254,13 @@ impl<'a> Bench<'a> {
         for settings in plan {
             let wanted = !settings.same_model() && journal.wants("trade", settings);
             if wanted && !limits.contains_key(&settings.simulator) {
+                progress(Event::Stage("limit of another model"));
                 let limit = own_limit(settings, plan)?;
                 let trial = trial::run_scene(case, limit.apply(case.scene()), progress)?;
                 limits.insert(settings.simulator.clone(), trial.samples);
             }
         }
+        progress(Event::Stage("equilibrium"));
         let rest = equilibrium::find(case, case.scene(), progress)?;
         let equilibrium = rest.filter(|rest| rest.smallest_eigenvalue >= 0.0).map(|rest| {
             let still = vec![DVec3::ZERO; rest.positions.len()];

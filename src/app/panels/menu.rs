@@ -2,7 +2,7 @@
 
 use egui::{Button, Key, KeyboardShortcut, Modifiers, Ui};
 
-use super::simulation::title;
+use super::{lab::Tab, simulation::title};
 use crate::{
     app::{camera::Side, files::Files, hands::Tool, session::Session},
     simulators,
@@ -39,6 +39,12 @@ pub enum Action {
     Grip,
     AddLane(Option<&'static str>),
     Theme,
+    /// Shows or hides the lab.
+    Lab,
+    /// Shows the trade, and measures it where it is not known.
+    Trade,
+    /// Shows one of the lab's questions.
+    Study(Tab),
     Help,
 }
 
@@ -74,6 +80,7 @@ pub const KEYS: &[(Modifiers, Key, Action, &str)] = &[
     (NONE, Key::Num7, Action::Look(Side::Top), "From above"),
     (NONE, Key::Num5, Action::Projection, "Perspective or orthographic"),
     (NONE, Key::T, Action::Theme, "Dark or light"),
+    (NONE, Key::M, Action::Lab, "The lab: cost, error, stability, advice"),
     (NONE, Key::F1, Action::Help, "This help"),
 ];
 
@@ -173,6 +180,13 @@ pub fn menu_ui(ui: &mut Ui, session: &Session, files: &Files) -> Option<Action> 
         for method in simulators::ALL {
             let name = format!("Add {}", title(method.id));
             entry(ui, &name, Action::AddLane(Some(method.id)), true);
+        }
+    });
+    ui.menu_button("Lab", |ui| {
+        entry(ui, "Show or hide the lab", Action::Lab, true);
+        ui.separator();
+        for (tab, name, _) in Tab::ALL {
+            entry(ui, name, Action::Study(tab), true);
         }
     });
     ui.menu_button("Help", |ui| {

@@ -109,8 +109,8 @@ fn method_ui(ui: &mut Ui, session: &Session) -> Changes {
 /// `symplectic_euler` becomes `Symplectic Euler`.
 pub fn title(id: &str) -> String {
     let words = id.split('_').map(|word| {
-        // Abbreviations, as in rk4.
-        if word.ends_with(|c: char| c.is_ascii_digit()) {
+        // Abbreviations, as in rk4 and xpbd: they have no vowels.
+        if !word.contains(['a', 'e', 'i', 'o', 'u', 'y']) {
             return word.to_uppercase();
         }
         let mut word = word.to_owned();

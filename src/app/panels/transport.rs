@@ -51,6 +51,15 @@ pub fn change_speed(session: &mut Session, faster: bool) {
     }
 }
 
+/// The button of the lab; true where it was pressed.
+pub fn trade_button_ui(ui: &mut Ui) -> bool {
+    let tip = "What each method costs and how wrong it is, on this scene as it stands";
+    // A menu bar's buttons have no frame: this one is to be seen.
+    let button =
+        egui::Button::new(egui::RichText::new("Trade").strong()).fill(ui.visuals().widgets.inactive.bg_fill);
+    ui.add(button.frame_when_inactive(true)).on_hover_text(tip).clicked()
+}
+
 /// What a drag does, beside the cloth and on it.
 pub fn hands_ui(ui: &mut Ui, session: &mut Session, tool: &mut Tool) {
     let tools = [
