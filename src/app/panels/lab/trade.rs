@@ -261,7 +261,7 @@ fn legend_ui(ui: &mut Ui, table: &Trade, hidden: &mut BTreeSet<String>, toleranc
     legend_mark_ui(ui, look(MarkerShape::Circle, true), "double precision");
     legend_mark_ui(ui, look(MarkerShape::Diamond, true), "single precision, dotted line");
     legend_mark_ui(ui, look(MarkerShape::Plus, true), "unsettled: shakes from step to step");
-    legend_mark_ui(ui, look(MarkerShape::Cross, true), "burst, or no error to tell: on the upper edge");
+    legend_mark_ui(ui, look(MarkerShape::Cross, true), "burst or given up: on the upper edge");
     legend_mark_ui(ui, look(MarkerShape::Down, true), "below what the reference can tell");
     if table.rows.iter().any(|row| !row.same_model) {
         legend_mark_ui(ui, look(MarkerShape::Circle, false), "hollow: solves another model");
@@ -374,6 +374,7 @@ fn row_ui(ui: &mut Ui, row: &Row, table: &Trade) {
             (Some(rms), Some(relative)) => {
                 line("RMS error", format!("{} m, {} % of the motion", three(rms), three(100.0 * relative)));
             }
+            _ if row.capped => line("RMS error", "none: given up, as its work passed the cap".to_owned()),
             _ => line("RMS error", "none: it burst before the end".to_owned()),
         }
         if let Some(largest) = row.max_error.filter(|_| !row.below_reference) {
