@@ -419,7 +419,10 @@ impl Engine {
         let start = Instant::now();
         if self.stale && start >= self.limit_at {
             let first = self.lanes.iter().any(Lane::lacks_limit);
-            self.stale = !self.lanes.iter_mut().fold(true, |all, lane| lane.search_limit() && all);
+            self.stale = false;
+            for lane in &mut self.lanes {
+                self.stale |= !lane.search_limit();
+            }
             self.limit_at = pause(start, if first { FIRST_LIMIT_SHARE } else { LIMIT_SHARE }, 60.0);
         }
     }

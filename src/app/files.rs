@@ -39,6 +39,9 @@ pub enum Next {
     Quit,
 }
 
+/// Keys of a scene, with values.
+type Settings = Vec<(String, String)>;
+
 /// Work on a thread of its own.
 pub(super) struct Job<T>(Receiver<T>);
 
@@ -84,7 +87,7 @@ pub struct Files {
     saving: Option<Job<(PathBuf, Result<(), Refusal>)>>,
     picking: Option<(Purpose, Job<Option<PathBuf>>)>,
     after_saving: Option<Next>,
-    cotton: Option<(Target, Job<Result<Vec<(String, String)>, Refusal>>)>,
+    cotton: Option<(Target, Job<Result<Settings, Refusal>>)>,
 }
 
 impl Files {
@@ -265,7 +268,7 @@ fn load(name: &str, meshes: &[PathBuf]) -> Result<Opened, Refusal> {
 
 /// Keys and values that make a mesh light cotton, with a step that is stable for it: with the values of the 25 m sheet a garment
 /// would stretch to several times its length.
-fn light_cotton(mut scene: Scene, place: Place) -> Result<Vec<(String, String)>, Refusal> {
+fn light_cotton(mut scene: Scene, place: Place) -> Result<Settings, Refusal> {
     scene.mass = Mass::PerArea(0.2);
     scene.air_damping = 2e-4;
     scene.dt = 1e-3;

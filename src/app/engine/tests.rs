@@ -182,6 +182,6 @@ fn a_large_cloth_has_its_limit_too_found_in_parts() {
     assert!((limit / exact - 1.0).abs() < 1e-3, "{limit} instead of {exact}");
     let key = "simulator.id".to_owned();
     engine.take(Order::Apply(None, Command::Set { key, value: "\"rk4\"".to_owned() }));
-    engine.limit_at = Instant::now() + Duration::from_secs(60);
+    engine.limit_at = Instant::now() + Duration::from_mins(1);
     assert_eq!(engine.state().lanes[0].limit, Limit::Unknown, "another method has another limit");
 }

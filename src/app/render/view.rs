@@ -38,6 +38,9 @@ struct Uniform {
     shadow: [f32; 4],
 }
 
+/// Where a shadow map lies, and the versions of the cloths that throw it.
+pub(super) type Thrown = ([f32; 4], Vec<[Option<u64>; 2]>);
+
 /// The device's side of a look: one for each tile of the window.
 pub struct View {
     uniform: Buffer,
@@ -47,8 +50,8 @@ pub struct View {
     shown: Option<Uniform>,
     /// Pixels that a metre covers where the cloths are nearest.
     pub(super) pixels_per_metre: f32,
-    /// What the shadow map holds: where it lies, and the versions of the cloths that throw it.
-    pub(super) shadow_of: Option<([f32; 4], Vec<[Option<u64>; 2]>)>,
+    /// What the shadow map holds.
+    pub(super) shadow_of: Option<Thrown>,
     uploaded: u64,
 }
 
