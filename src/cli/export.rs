@@ -57,7 +57,7 @@ pub fn export(options: &Options) -> Result<Ending, Refusal> {
     common.warn(&world.warnings());
     let frames = watched(common, &mut world, span, &mut *sink)?;
     sink.finish()?;
-    let (format, _) = Format::ALL.into_iter().find(|(_, known)| *known == format).unwrap_or(Format::ALL[0]);
+    let format = format.name();
     let (steps, time, health) = (world.steps(), world.time(), world.health());
     if common.json {
         let written = Written { out, format, frames, fps: span.fps, steps, time, health };

@@ -68,17 +68,17 @@ impl ExportWindow {
             field.widget_info(|| WidgetInfo::text_edit(true, "", self.path.as_str(), ""));
             ui.horizontal(|ui| {
                 let chosen = Format::of(Path::new(&self.path)).ok();
-                let name =
-                    |format| Format::ALL.iter().find(|(_, f)| Some(*f) == format).map_or("format", |f| f.0);
-                ComboBox::from_id_salt("format").selected_text(name(chosen)).show_ui(ui, |ui| {
-                    for (extension, format) in Format::ALL {
-                        let text = format!("{extension}: {}", about(format));
-                        if ui.selectable_label(chosen == Some(format), text).clicked() {
-                            let path = PathBuf::from(&self.path).with_extension(extension);
-                            self.path = path.to_string_lossy().into_owned();
+                ComboBox::from_id_salt("format")
+                    .selected_text(chosen.map_or("format", Format::name))
+                    .show_ui(ui, |ui| {
+                        for (extension, format) in Format::ALL {
+                            let text = format!("{extension}: {}", about(format));
+                            if ui.selectable_label(chosen == Some(format), text).clicked() {
+                                let path = PathBuf::from(&self.path).with_extension(extension);
+                                self.path = path.to_string_lossy().into_owned();
+                            }
                         }
-                    }
-                });
+                    });
                 ui.add(DragValue::new(&mut self.seconds).range(0.0..=1e6).speed(0.1).suffix(" s"));
                 ui.add(DragValue::new(&mut self.fps).range(0.01..=1e4).speed(0.1).suffix(" frames/s"));
             });
