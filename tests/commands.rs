@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use tenter::forces::wind::Wind;
+use tenter::lab::adaptive;
 use tenter::params::{Info, Params, Visitor};
 use tenter::scene::{Mass, Pin, Pins, Place, Precision, Scene, Target, Tearing, to_ron};
 use tenter::simulators;
@@ -517,7 +518,10 @@ fn a_torn_spring_stays_torn_and_costs_nothing() {
                 world.cost().force_evaluations - before.force_evaluations,
             );
             assert_eq!(visits % acting.max(1), 0, "{}", entry.id);
-            assert!(visits >= acting && evaluations > 0, "{}", entry.id);
+            // A method that chooses its own steps may have passed the end of this one before.
+            let is_behind = visits >= acting && evaluations > 0;
+            let is_ahead = adaptive(entry) && (visits, evaluations) == (0, 0);
+            assert!(is_behind || is_ahead, "{} in step {n}", entry.id);
             assert!(torn.iter().all(|id| world.broken().contains(id)), "{} in step {n}", entry.id);
             torn = world.broken().to_vec();
             assert!(torn.is_sorted() && torn.windows(2).all(|ids| ids[0] != ids[1]), "{}", entry.id);

@@ -221,7 +221,7 @@ fn joined_shards_name_the_machines_that_measured() {
 fn a_terminal_sees_how_far_a_study_is() {
     let dir = folder();
     let tenter = env!("CARGO_BIN_EXE_tenter");
-    let study = format!("{tenter} trade w1.ron --seconds 0.05 --counts-only --simulators rk4");
+    let study = format!("{tenter} trade w1.ron --seconds 0.5 --counts-only --simulators rk4");
     let output = Command::new("script").args(["-qec", &study, "/dev/null"]).current_dir(dir.path()).output();
     let Ok(output) = output else {
         assert!(std::env::var_os("CI").is_none(), "script (of util-linux) is needed");

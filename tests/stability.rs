@@ -254,3 +254,31 @@ fn a_stretched_shape_has_a_smaller_limit_than_the_flat_one() {
     let limit = 2.0 / world.spectrum().omega_max();
     assert!((limit - 0.0240).abs() < 5e-5, "{limit}");
 }
+
+#[test]
+fn in_parts_the_same_limit_is_found() {
+    for id in ["explicit_euler", "symplectic_euler", "rk4"] {
+        let mut world =
+            world(&Scene { simulator: SimulatorSettings::new(id), dt: 0.002, ..Scene::default() });
+        let mut earlier = None;
+        for _ in 0..3 {
+            let exact = world.dt_limit(&world.spectrum()).unwrap();
+            let spectrum = world.spectrum().in_parts(earlier);
+            let mut asked = 0;
+            let limit = loop {
+                spectrum.allow(3);
+                let limit = world.dt_limit(&spectrum);
+                asked += 1;
+                if spectrum.is_settled() {
+                    break limit.unwrap();
+                }
+                assert!(asked < 400, "{id} comes to no end");
+            };
+            assert!(asked > 1);
+            // Four digits of the eigenvalue, of which the limit is at most proportional to the square root's inverse.
+            assert!((limit / exact - 1.0).abs() < 1e-3, "{id}: {limit} instead of {exact}");
+            earlier = Some(spectrum);
+            (0..200).for_each(|_| world.step());
+        }
+    }
+}

@@ -8,7 +8,6 @@ use crate::scene::Refusal;
 use clap::Args;
 use serde::Serialize;
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 /// Options of every study.
 #[derive(Args, Clone, Debug)]
@@ -108,18 +107,17 @@ impl Study {
         let journal = if self.frozen { journal.frozen() } else { journal };
         run::catch_interrupt();
         let bar = run::progress(&self.common, 1);
-        let stage = Mutex::new(String::new());
         let listen = |event: Event| {
-            if let Ok(mut stage) = stage.lock() {
-                match event {
-                    Event::Stage(name) => name.clone_into(&mut stage),
-                    Event::Done(done, of) => {
-                        bar.set_length(of as u64);
-                        bar.set_position(done as u64);
-                        bar.set_message(stage.clone());
-                    }
-                    Event::Alive => bar.tick(),
+            match event {
+                Event::Stage(name) => {
+                    bar.set_position(0);
+                    bar.set_message(name.to_owned());
                 }
+                Event::Done(done, of) => {
+                    bar.set_length(of as u64);
+                    bar.set_position(done as u64);
+                }
+                Event::Alive => bar.tick(),
             }
             !run::interrupted()
         };
