@@ -42,7 +42,7 @@ impl PendingFolder {
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
         let folder = builder.prefix(".tenter-").tempdir_in(beside);
-        let folder = folder.map_err(|e| failed(&path, e))?;
+        let folder = folder.map_err(|e| failed(&path, &e))?;
         let digits = span.last.to_string().len().max(4);
         Ok(Self { folder, path, stem, digits, extension })
     }
@@ -54,7 +54,7 @@ impl PendingFolder {
     pub fn write(&self, frame: u64, content: &[u8]) -> Result<(), Refusal> {
         let Self { stem, digits, extension, .. } = self;
         let file = self.folder.path().join(format!("{stem}_{frame:0digits$}.{extension}"));
-        std::fs::write(file, content).map_err(|e| failed(&self.path, e))
+        std::fs::write(file, content).map_err(|e| failed(&self.path, &e))
     }
 
     /// Puts the folder into its place.
@@ -64,13 +64,13 @@ impl PendingFolder {
     pub fn keep(self) -> Result<(), Refusal> {
         // Only an empty folder is taken away; elsewhere than on Unix a folder is not renamed over it.
         let _ = std::fs::remove_dir(&self.path);
-        std::fs::rename(self.folder.path(), &self.path).map_err(|e| failed(&self.path, e))?;
+        std::fs::rename(self.folder.path(), &self.path).map_err(|e| failed(&self.path, &e))?;
         // It is no longer there to be taken away.
         let _ = self.folder.keep();
         Ok(())
     }
 }
 
-fn failed(path: &Path, error: std::io::Error) -> Refusal {
+fn failed(path: &Path, error: &std::io::Error) -> Refusal {
     Refusal::new(format!("{}: cannot be written: {error}", path.display()))
 }

@@ -76,7 +76,7 @@ fn corner(word: &[u8], surface: &Surface) -> Corner {
     let mut parts = word.split(|b| *b == b'/');
     let mut number = |count: usize| {
         let number: i64 = std::str::from_utf8(parts.next()?).ok()?.parse().ok()?;
-        u32::try_from(if number < 0 { count as i64 + number } else { number - 1 }).ok()
+        u32::try_from(if number < 0 { count.cast_signed() as i64 + number } else { number - 1 }).ok()
     };
     // The other reader has refused faces whose vertices are not there.
     Corner { vertex: number(surface.vertices.len()).unwrap_or(0), uv: number(surface.uvs.len()) }

@@ -6,6 +6,7 @@
 mod common;
 mod files;
 mod frames;
+#[cfg(feature = "app")]
 #[path = "../machine/mod.rs"]
 mod machine;
 #[cfg(feature = "app")]
