@@ -240,6 +240,8 @@ fn a_mesh_opens_tells_what_was_found_and_saves_beside_itself() {
 
 #[test]
 fn a_bare_mesh_has_the_defaults_and_is_offered_to_be_cotton() {
+    let own = open("(target: Mesh(path: \"asset:cylinder_20x5.obj\"))");
+    assert!(own.query_by_label("Make it light cotton").is_none(), "a built-in scene means its values");
     let mut window = open("()");
     press(&mut window, Modifiers::COMMAND, Key::O);
     type_path(&mut window, Path::new("assets/meshes/cape_mixed.obj"), "Open");

@@ -238,7 +238,7 @@ impl Files {
         if let Some(file) = &opened.file {
             self.preferences.remember(file);
         } else if let Target::Mesh(mesh) = &opened.scene.target
-            && !mesh.path.starts_with("asset:")
+            && mesh.asset().is_none()
         {
             self.preferences.remember(Path::new(&mesh.path));
             self.preferences.allow(Path::new(&mesh.path));
@@ -334,7 +334,7 @@ pub fn proposal(session: &Session) -> PathBuf {
     let stem = Path::new(session.title()).file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = format!("{}.ron", if stem.is_empty() { "scene" } else { &stem });
     let folder = match &session.scene().target {
-        Target::Mesh(mesh) if !mesh.path.starts_with("asset:") => Path::new(&mesh.path).parent(),
+        Target::Mesh(mesh) if mesh.asset().is_none() => Path::new(&mesh.path).parent(),
         _ => None,
     };
     let folder = folder.filter(|folder| folder.is_absolute()).map(Path::to_owned);

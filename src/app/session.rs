@@ -400,10 +400,10 @@ impl Session {
         self.drafts.first() != self.saved.as_ref()
     }
 
-    /// Whether this is a mesh with the mass, springs and dt that every scene has by default: those of a sheet of 25 m.
+    /// Whether this is a user's mesh with the mass, springs and dt that every scene has by default: those of a sheet of 25 m.
     pub fn is_bare_mesh(&self) -> bool {
         let (scene, default) = (self.scene(), Scene::default());
-        matches!(scene.target, Target::Mesh(_))
+        matches!(&scene.target, Target::Mesh(mesh) if mesh.asset().is_none())
             && self.file().is_none()
             && (&scene.mass, &scene.springs, scene.dt) == (&default.mass, &default.springs, default.dt)
     }

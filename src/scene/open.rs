@@ -93,7 +93,7 @@ impl Place {
     pub fn moved(&self, scene: &Scene, folder: &Path) -> Scene {
         let mut scene = scene.clone();
         if let Target::Mesh(mesh) = &mut scene.target
-            && !mesh.path.starts_with("asset:")
+            && mesh.asset().is_none()
             && let Some(file) = self.resolve(Path::new(&mesh.path)).ok().and_then(|f| f.canonicalize().ok())
         {
             let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };

@@ -46,6 +46,11 @@ crate::params! {
 }
 
 impl MeshTarget {
+    /// The name of a mesh that comes with Tenter.
+    pub fn asset(&self) -> Option<&str> {
+        self.path.strip_prefix("asset:")
+    }
+
     fn options(&self, surface: bool) -> ImportOptions {
         ImportOptions { scale: self.scale, weld: self.weld, surface }
     }
