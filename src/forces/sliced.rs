@@ -10,6 +10,11 @@
 //! On a mesh that is numbered along its rows nearly all slots lead to eight neighbours in a row. Those are read as they
 //! stand from an array for each component; the others are gathered one by one.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled without the instructions of the function that calls it"
+)]
+
 use crate::math::lanes::{Instructions, LANES, Lanes};
 use crate::math::{Real, Vector};
 use crate::model::{Incidence, Particles, Springs};
@@ -102,6 +107,7 @@ impl<T: Real> Slices<T> {
 
     /// Lets `begin` write what else acts on the particles from some index on (N), and adds the forces of all springs to it;
     /// task by task, on the threads of the current pool where `parallel` says so.
+    #[expect(clippy::too_many_arguments, reason = "all that one pass reads and writes")]
     pub fn add(
         &self,
         springs: &Springs<T>,

@@ -4,6 +4,11 @@
 //! loop that it stands for. That rules out what processors round each in their own way or not twice where the loop does:
 //! fused multiplication and addition, estimates of reciprocals and of reciprocal roots; and sums across lanes.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled without the instructions of the function that calls it"
+)]
+
 use super::Real;
 use bytemuck::cast;
 use pulp::x86::V3;
@@ -29,8 +34,10 @@ pub trait Lanes:
     /// The numbers.
     fn to_array(self) -> [Self::Scalar; LANES];
     /// Square roots.
+    #[must_use]
     fn sqrt(self) -> Self;
     /// Itself where `of` is above 0, else 0.
+    #[must_use]
     fn where_positive(self, of: Self) -> Self;
     /// The x, the y and the z of the vectors at eight places.
     fn components(

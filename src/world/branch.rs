@@ -121,7 +121,7 @@ impl Snapshot {
     /// Positions, m, and velocities, m/s.
     pub fn motion(&self) -> (Vec<DVec3>, Vec<DVec3>) {
         fn double<T: Real>(state: &Particles<T>, numbering: &Numbering) -> (Vec<DVec3>, Vec<DVec3>) {
-            let all = |from: &[T::Vec3]| numbering.in_source_order(from).map(|v| v.to_f64()).collect();
+            let all = |from: &[T::Vec3]| numbering.in_source_order(from).map(Vector::to_f64).collect();
             (all(&state.positions), all(&state.velocities))
         }
         match &self.state {

@@ -610,12 +610,12 @@ impl World {
 
     /// Positions, m.
     pub fn positions(&self) -> Vec<DVec3> {
-        on!(&self.cloth, c => c.by_particle(&c.state.positions).map(|p| p.to_f64()).collect())
+        on!(&self.cloth, c => c.by_particle(&c.state.positions).map(Vector::to_f64).collect())
     }
 
     /// Velocities, m/s.
     pub fn velocities(&self) -> Vec<DVec3> {
-        on!(&self.cloth, c => c.by_particle(&c.state.velocities).map(|v| v.to_f64()).collect())
+        on!(&self.cloth, c => c.by_particle(&c.state.velocities).map(Vector::to_f64).collect())
     }
 
     /// Writes the positions (m) in single precision, as pictures need them, over `into`.
