@@ -12,7 +12,7 @@ use super::trial::Zone;
 use crate::scene::Precision;
 use std::fmt::Write;
 
-pub use svg::{map, trade as trade_diagram};
+pub use svg::{map, method_colour, trade as trade_diagram};
 
 /// A number for a table, or a dash.
 fn number(value: Option<f64>) -> String {

@@ -3,28 +3,14 @@
 use egui::Color32;
 use egui_plot::{GridMark, Plot};
 
-use crate::{app::panels::health::three, lab::trial::Zone, simulators};
+use crate::{
+    app::panels::health::three,
+    lab::{report::method_colour, trial::Zone},
+};
 
-/// Twelve colours that stay apart on dark and light.
-const COLOURS: [[u8; 3]; 12] = [
-    [222, 82, 84],
-    [84, 142, 214],
-    [240, 138, 44],
-    [70, 168, 84],
-    [172, 116, 200],
-    [196, 160, 32],
-    [160, 118, 92],
-    [52, 166, 160],
-    [230, 100, 164],
-    [128, 132, 232],
-    [138, 158, 58],
-    [40, 168, 216],
-];
-
-/// The colour of a method: by its place in the registry, so the same in every run.
+/// The colour of a method, as in reports.
 pub fn colour_of(simulator: &str) -> Color32 {
-    let place = simulators::ALL.iter().position(|entry| entry.id == simulator).unwrap_or(0);
-    let [r, g, b] = COLOURS[place % COLOURS.len()];
+    let [r, g, b] = method_colour(simulator);
     Color32::from_rgb(r, g, b)
 }
 
