@@ -18,10 +18,13 @@
 //! assert!(fan.set("frequency", "-1").unwrap_err().contains("0 to 100 Hz"));
 //! ```
 
+mod choice;
+
+pub use choice::{Choice, ChoiceVisitor, choose};
+
 use glam::DVec3;
 use serde::de::{self, DeserializeSeed, Deserializer, MapAccess};
 use std::fmt;
-use std::marker::PhantomData;
 use std::ops::RangeInclusive;
 
 /// What is declared about one parameter.
@@ -39,6 +42,8 @@ pub struct Info {
     pub slider: Option<(Scale, RangeInclusive<f64>)>,
     /// Values worth comparing where a method spends more work by it on the same step; empty for all other parameters.
     pub effort: &'static [f64],
+    /// The choice beside it, and the name chosen there, without which it does nothing.
+    pub when: Option<(&'static str, &'static str)>,
 }
 
 /// How a slider divides its range.
@@ -377,7 +382,19 @@ impl<P: Params> Param for P {
         from.deserialize_struct(P::NAME, P::FIELDS, InPlace(self))
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
-        if path.is_empty() { set_whole(self, info, text) } else { self.set(path, text) }
+        if !path.is_empty() {
+            return self.set(path, text);
+        }
+        if !text.trim_start().starts_with('(') {
+            let name = info.name;
+            let parts: Vec<String> = P::FIELDS.iter().map(|field| format!("{name}.{field}")).collect();
+            return Err(format!(
+                "{name} is a set of values and cannot be '{}'; accepted: {}, or all in ()",
+                excerpt(text),
+                parts.join(", ")
+            ));
+        }
+        set_whole(self, info, text)
     }
     fn accept(&mut self, info: &'static Info, default: &Self, visitor: &mut dyn Visitor) {
         visitor.group(info, &mut |inside| self.visit_with(default, inside));
@@ -442,108 +459,16 @@ impl<'de, P: Param> DeserializeSeed<'de> for Seed<'_, P> {
     }
 }
 
-/// An enumeration that a user chooses from, declared with [`choice!`](crate::choice!).
-pub trait Choice: Copy + PartialEq + 'static {
-    /// All of them.
-    const ALL: &'static [Self];
-    /// Their names, in the same order.
-    const NAMES: &'static [&'static str];
-
-    /// Position among all of them.
-    fn index(self) -> usize {
-        Self::ALL.iter().position(|c| *c == self).unwrap_or(0)
-    }
-}
-
-/// The choice of a name; case and quotes do not matter.
-///
-/// # Errors
-/// One line with the names there are.
-pub fn choose<C: Choice>(name: &str, text: &str) -> Result<C, String> {
-    let wanted = text.trim().trim_matches('"');
-    let found = C::NAMES.iter().position(|known| known.eq_ignore_ascii_case(wanted));
-    found
-        .map(|i| C::ALL[i])
-        .ok_or_else(|| format!("{name} cannot be '{}'; accepted: {}", excerpt(text), C::NAMES.join(", ")))
-}
-
-/// Reads a choice by name, from an identifier or a string.
-pub struct ChoiceVisitor<C>(
-    /// Which.
-    pub PhantomData<C>,
-);
-
-impl<'de, C: Choice> de::Visitor<'de> for ChoiceVisitor<C> {
-    type Value = C;
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "one of {}", C::NAMES.join(", "))
-    }
-    fn visit_enum<A: de::EnumAccess<'de>>(self, data: A) -> Result<C, A::Error> {
-        let (Key(name), variant) = data.variant()?;
-        de::VariantAccess::unit_variant(variant)?;
-        choose("it", &name).map_err(de::Error::custom)
-    }
-}
-
-/// Declares an enumeration that a user chooses from.
-#[macro_export]
-macro_rules! choice {
-    ($(#[$meta:meta])* $vis:vis enum $name:ident { $($(#[$variant_meta:meta])* $variant:ident),* $(,)? }) => {
-        $(#[$meta])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-        $vis enum $name { $($(#[$variant_meta])* $variant),* }
-
-        impl $crate::params::Choice for $name {
-            const ALL: &'static [Self] = &[$(Self::$variant),*];
-            const NAMES: &'static [&'static str] = &[$(stringify!($variant)),*];
-        }
-
-        impl<'de> serde::Deserialize<'de> for $name {
-            fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-                from.deserialize_enum(
-                    stringify!($name),
-                    <Self as $crate::params::Choice>::NAMES,
-                    $crate::params::ChoiceVisitor::<Self>(std::marker::PhantomData),
-                )
-            }
-        }
-
-        impl $crate::params::Param for $name {
-            fn load<'de, D: serde::Deserializer<'de>>(
-                &mut self, _: &'static $crate::params::Info, from: D,
-            ) -> Result<(), D::Error> {
-                *self = serde::Deserialize::deserialize(from)?;
-                Ok(())
-            }
-            fn set_path(
-                &mut self, info: &'static $crate::params::Info, path: &str, text: &str,
-            ) -> Result<(), String> {
-                $crate::params::leaf(info, path)?;
-                *self = $crate::params::choose(info.name, text)?;
-                Ok(())
-            }
-            fn accept(
-                &mut self, info: &'static $crate::params::Info, default: &Self,
-                visitor: &mut dyn $crate::params::Visitor,
-            ) {
-                use $crate::params::Choice;
-                let mut index = self.index();
-                visitor.choice(info, Self::NAMES, &mut index, default.index());
-                *self = Self::ALL[index.min(Self::ALL.len() - 1)];
-            }
-        }
-    };
-}
-
-/// Declares a set of parameters: `name: type = default, unit "…", range a..=b, slider log a..=b;` with everything
-/// behind the default optional. See the [module](mod@crate::params).
+/// Declares a set of parameters: `name: type = default, unit "…", range a..=b, slider log a..=b, effort [1.0, 2.0], when
+/// choice Name;` with everything behind the default optional. See the [module](mod@crate::params).
 #[macro_export]
 macro_rules! params {
     ($(#[$meta:meta])* $vis:vis struct $name:ident { $(
         $(#[doc = $doc:literal])*
         $(#[serde($($serde:tt)*)])?
         $field:ident : $ty:ty = $default:expr
-            $(, unit $unit:literal)? $(, range $range:expr)? $(, slider $scale:ident $slider:expr)? $(, effort $effort:expr)? ;
+            $(, unit $unit:literal)? $(, range $range:expr)? $(, slider $scale:ident $slider:expr)? $(, effort $effort:expr)?
+            $(, when $choice:ident $chosen:ident)? ;
     )* }) => {
         $(#[$meta])*
         #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -570,6 +495,7 @@ macro_rules! params {
                     range: $crate::params!(@some $($range)?),
                     slider: $crate::params!(@slider $($scale $slider)?),
                     effort: $crate::params!(@effort $($effort)?),
+                    when: $crate::params!(@some $((stringify!($choice), stringify!($chosen)))?),
                 };
             )*
         }

@@ -1,16 +1,17 @@
 //! What the mouse means: turns presses, drags and releases over the viewport into intents, and changes nothing itself.
 //!
 //! Left on a particle: click selects, drag moves. Left elsewhere: drag orbits, with Shift frames a box, with Ctrl draws a lasso.
-//! Right orbits, middle (or Shift and right) pans, the wheel zooms, Escape lets go.
+//! With the box or the lasso in the hand a left drag frames or ropes wherever it begins, once: then the hand is empty again,
+//! unless Shift asks for more. Right orbits, middle (or Shift and right) pans, the wheel zooms, Escape lets go.
 
 use glam::{Vec2, Vec3};
 
 use super::camera::Camera;
 
-/// What a left drag beside the particles does.
+/// What a left drag does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tool {
-    /// Turns the camera.
+    /// Moves particles, and turns the camera beside them.
     #[default]
     Move,
     /// Frames a box.
@@ -105,7 +106,7 @@ enum State {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hands {
     state: State,
-    /// What a left drag beside the particles does.
+    /// What a left drag does.
     pub tool: Tool,
 }
 
@@ -184,7 +185,7 @@ impl Hands {
             }
             State::Framing { from } if !pointer.left => {
                 intents.push(Intent::Box([*from, at], pointer.shift));
-                self.state = State::Idle;
+                self.put_away(pointer);
             }
             State::Roping { outline } => {
                 if outline.last().is_none_or(|last| last.distance(at) > LASSO_STEP) {
@@ -192,7 +193,7 @@ impl Hands {
                 }
                 if !pointer.left {
                     intents.push(Intent::Lasso(std::mem::take(outline), pointer.shift));
-                    self.state = State::Idle;
+                    self.put_away(pointer);
                 }
             }
             State::Orbiting if pressed && pointer.moved != Vec2::ZERO => {
@@ -216,7 +217,7 @@ impl Hands {
         held: Option<(u32, Vec3)>,
         intents: &mut Vec<Intent>,
     ) {
-        if let Some((particle, place)) = held {
+        if let Some((particle, place)) = held.filter(|_| self.tool == Tool::Move) {
             let normal = camera.axes()[2];
             // From the place where the mouse went down, not from the particle: it must not jump to the cursor.
             let from = camera.ray(from, size).meet_plane(place, normal).unwrap_or(place);
@@ -236,6 +237,14 @@ impl Hands {
                     State::Orbiting
                 }
             };
+        }
+    }
+
+    /// An outline is complete.
+    fn put_away(&mut self, pointer: &Pointer) {
+        self.state = State::Idle;
+        if !pointer.shift {
+            self.tool = Tool::Move;
         }
     }
 
@@ -347,6 +356,17 @@ mod tests {
         let intents =
             play(&mut lasso, &[left(10.0, 10.0), left(50.0, 10.0), left(50.0, 50.0), mouse(50.0, 50.0)]);
         assert!(matches!(&intents[..], [Intent::Lasso(outline, false)] if outline.len() == 3), "{intents:?}");
+    }
+
+    #[test]
+    fn a_box_is_framed_over_particles_too_and_once() {
+        let over = [left(400.0, 300.0), left(430.0, 330.0), mouse(430.0, 330.0)];
+        let shift = over.map(|pointer| Pointer { shift: true, ..pointer });
+        let mut hands = Hands { tool: Tool::Box, ..Default::default() };
+        let framed = [Vec2::new(400.0, 300.0), Vec2::new(430.0, 330.0)];
+        assert_eq!(play(&mut hands, &shift), [Intent::Box(framed, true)]);
+        assert_eq!(play(&mut hands, &over), [Intent::Box(framed, false)]);
+        assert_eq!(play(&mut hands, &over)[0], Intent::Grab(7));
     }
 
     #[test]

@@ -12,8 +12,11 @@ pub fn apply(context: &Context) {
         style.spacing.interact_size.y = 20.0;
         style.spacing.indent = 12.0;
         style.spacing.slider_rail_height = 4.0;
-        // A scroll bar lies beside what is scrolled, not on it.
-        style.spacing.scroll.floating_allocated_width = 8.0;
+        // A scroll bar lies beside what is scrolled, not on it, and tells at all times that there is more.
+        let scroll = &mut style.spacing.scroll;
+        scroll.floating_allocated_width = 8.0;
+        scroll.floating_width = 4.0;
+        (scroll.dormant_handle_opacity, scroll.dormant_background_opacity) = (0.6, 0.3);
         style.text_styles = [
             (TextStyle::Heading, FontId::proportional(15.0)),
             (TextStyle::Body, FontId::proportional(13.0)),

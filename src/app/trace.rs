@@ -29,17 +29,17 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// Adds what a state tells. Where time went back, what came after is forgotten.
+    /// Adds what a state tells. Where time went back, what came after is forgotten; where it stood still, an edit may have changed
+    /// what that moment holds.
     pub fn follow(&mut self, state: &State) {
         self.lanes.resize(state.lanes.len(), VecDeque::new());
         for (samples, lane) in self.lanes.iter_mut().zip(&state.lanes) {
             let time = lane.time;
-            while samples.back().is_some_and(|last| last.time > time) {
+            while samples.back().is_some_and(|last| last.time >= time) {
                 samples.pop_back();
             }
             let measures = &lane.measures;
-            let is_new = samples.back().is_none_or(|last| time > last.time);
-            if is_new && measures.energy.total().is_finite() {
+            if measures.energy.total().is_finite() {
                 let (max_strain, mean_strain) = (measures.max_strain, measures.mean_strain);
                 samples.push_back(Sample { time, energy: measures.energy, max_strain, mean_strain });
             }

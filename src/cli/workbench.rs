@@ -32,7 +32,14 @@ pub fn workbench(options: &Options) -> Result<Ending, Refusal> {
     let common = &options.common;
     let default = [builtin::ALL[0].name.to_owned()];
     let names = if options.scenes.is_empty() { &default[..] } else { &options.scenes };
-    let opened = names.iter().map(|name| common.open(name)).collect::<Result<Vec<_>, _>>()?;
+    let opened = names.iter().map(|name| common.open(name)).collect::<Result<Vec<_>, _>>();
+    // What begins with a word that is no scene may have been meant as a command.
+    let opened = opened.map_err(|e| match &names[0] {
+        word if word.chars().all(char::is_alphabetic) => {
+            Refusal::new(format!("{e}; for the commands see tenter --help"))
+        }
+        _ => e,
+    })?;
     let record = options.record.as_deref().map(Record::new).transpose()?;
     match window(&opened, common, record.is_some())? {
         Window::Closed(done) => {

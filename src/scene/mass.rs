@@ -78,6 +78,7 @@ impl Param for Mass {
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         params::leaf(info, path)?;
         params::set_whole(self, info, text)
+            .map_err(|e| format!("{e}; accepted: PerParticle(kg) or PerArea(kg/m²)"))
     }
     fn accept(&mut self, info: &'static Info, _: &Self, visitor: &mut dyn Visitor) {
         visitor.other(info);

@@ -86,9 +86,15 @@ impl Refusal {
         Self { position: None, text: params::brief(text.as_ref()) }
     }
 
-    /// The same with the file, key or other place before it.
+    /// The same with the file, key or other place before it, unless it begins with that already.
     #[must_use]
     pub fn at(&self, place: impl fmt::Display) -> Self {
+        let place = place.to_string();
+        if self.position.is_none()
+            && self.text.strip_prefix(&place).is_some_and(|rest| rest.starts_with(": "))
+        {
+            return self.clone();
+        }
         let colon = if self.position.is_some() { ":" } else { ": " };
         Self::new(format!("{place}{colon}{self}"))
     }

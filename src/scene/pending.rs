@@ -22,10 +22,19 @@ impl Pending {
             return Err(Refusal::new(format!("{}: is a folder; accepted: a file's name", path.display())));
         }
         let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(Refusal::new(format!(
+                "{}: cannot be written: there is no folder {}",
+                path.display(),
+                folder.display()
+            )));
+        }
         let mut builder = tempfile::Builder::new();
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.prefix(".tenter-").tempfile_in(folder).map_err(failed)?;
+        // Its error names the file beside; the user knows only the one to be.
+        let plain = |e: std::io::Error| failed(e.kind().into());
+        let file = builder.prefix(".tenter-").tempfile_in(folder).map_err(plain)?;
         Ok(Self { file, path: path.to_owned() })
     }
 

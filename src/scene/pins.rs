@@ -175,6 +175,7 @@ impl Param for Pins {
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         params::leaf(info, path)?;
         params::set_whole(self, info, text)
+            .map_err(|e| format!("{e}; accepted: a list, as in [Corners(2), Top(0.03), Particle(7)]"))
     }
     fn accept(&mut self, info: &'static Info, _: &Self, visitor: &mut dyn Visitor) {
         visitor.other(info);

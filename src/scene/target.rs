@@ -217,7 +217,9 @@ impl Param for Target {
     }
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         match self {
-            _ if path.is_empty() => params::set_whole(self, info, text),
+            _ if path.is_empty() => params::set_whole(self, info, text).map_err(|e| {
+                format!("{e}; accepted: Grid(columns: 25, rows: 25), or Mesh(path: \"shirt.obj\"), and more of their fields")
+            }),
             Self::Grid(grid) => grid.set(path, text),
             Self::Mesh(mesh) => mesh.set(path, text),
         }

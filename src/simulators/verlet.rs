@@ -60,7 +60,7 @@ crate::params! {
         /// below each step, as in the thesis.
         damping_law: DampingLaw = DampingLaw::Air;
         /// Part α of the velocity that is lost each step under PerStep.
-        damping_ratio: f64 = 0.01, range 0.0..=1.0, slider linear 0.0..=0.1;
+        damping_ratio: f64 = 0.01, range 0.0..=1.0, slider linear 0.0..=0.1, when damping_law PerStep;
         /// HalfHalf: both ends of a spring move alike, as in the thesis. MassWeighted: in proportion to 1/m, which keeps
         /// momentum where masses differ.
         correction: Correction = Correction::HalfHalf;

@@ -26,6 +26,8 @@ pub struct ParamsUi<'a> {
     /// Set where a switch hides the rest of its group.
     hidden: bool,
     hide: &'a dyn Fn(&str) -> bool,
+    /// The choices of this group that were drawn: what hangs on one of them stands behind it.
+    chosen: Vec<(&'static str, &'static str)>,
     changes: Vec<Change>,
     ended: bool,
 }
@@ -54,8 +56,16 @@ pub fn params_ui(
     hide: &dyn Fn(&str) -> bool,
     show: impl FnOnce(&mut dyn Visitor),
 ) -> Changes {
-    let mut drawer =
-        ParamsUi { ui, path: Vec::new(), prefix, hidden: false, hide, changes: Vec::new(), ended: false };
+    let mut drawer = ParamsUi {
+        ui,
+        path: Vec::new(),
+        prefix,
+        hidden: false,
+        hide,
+        chosen: Vec::new(),
+        changes: Vec::new(),
+        ended: false,
+    };
     show(&mut drawer);
     Changes { changes: drawer.changes, ended: drawer.ended }
 }
@@ -81,7 +91,7 @@ impl ParamsUi<'_> {
         widget: impl FnOnce(&mut Ui, &str) -> (egui::Response, Option<String>),
     ) {
         let key = self.key(info.name);
-        if !self.is_shown(&key) {
+        if !self.is_shown(&key) || info.when.is_some_and(|choice| !self.chosen.contains(&choice)) {
             return;
         }
         let name = accessible_name(&key);
@@ -206,6 +216,7 @@ impl Visitor for ParamsUi<'_> {
         value: &mut usize,
         default: usize,
     ) {
+        self.chosen.push((info.name, names[*value]));
         let texts = [names[*value].to_owned(), names[default].to_owned()];
         self.row(info, texts, |ui, name| {
             let mut new = *value;
@@ -260,6 +271,7 @@ impl Visitor for ParamsUi<'_> {
                     prefix,
                     hidden: false,
                     hide,
+                    chosen: Vec::new(),
                     changes: Vec::new(),
                     ended: false,
                 };

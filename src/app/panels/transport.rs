@@ -60,12 +60,12 @@ pub fn trade_button_ui(ui: &mut Ui) -> bool {
     ui.add(button.frame_when_inactive(true)).on_hover_text(tip).clicked()
 }
 
-/// What a drag does, beside the cloth and on it.
+/// What a drag does, and how it holds.
 pub fn hands_ui(ui: &mut Ui, session: &mut Session, tool: &mut Tool) {
     let tools = [
-        (Tool::Move, "Orbit", "A drag beside the cloth turns the view (V)"),
-        (Tool::Box, "Box", "A drag beside the cloth frames a box; so does Shift with any tool (B)"),
-        (Tool::Lasso, "Lasso", "A drag beside the cloth draws a lasso; so does Ctrl with any tool (L)"),
+        (Tool::Move, "Orbit", "A drag moves the cloth, and turns the view beside it (V)"),
+        (Tool::Box, "Box", "The next drag frames a box, with Shift the ones after it too (B)"),
+        (Tool::Lasso, "Lasso", "The next drag draws a lasso, with Shift the ones after it too (L)"),
     ];
     ui.spacing_mut().item_spacing.x = 2.0;
     for (choice, name, tip) in tools {
