@@ -4,13 +4,14 @@
 
 mod machine;
 
+use glam::{Vec2, Vec3};
 use std::path::{Path, PathBuf};
 use tenter::app::{
     camera::{Bounds, Camera},
     geometry::Geometry,
     gpu::{Gpu, PICTURE_FORMAT},
     picture::{self, Pixels},
-    render::{Cloth, Frame, Look, Renderer, Style, View, flag},
+    render::{Cloth, Earlier, Frame, Look, Renderer, Style, View, flag},
 };
 use tenter::scene::{Opened, Place, Scene, open};
 use tenter::world::World;
@@ -138,6 +139,7 @@ fn no_byte_is_uploaded_twice() {
         let frame = Frame {
             version,
             positions: &positions,
+            earlier: None,
             flags,
             enabled: [true; 3],
             rest_scale: [1.0; 3],
@@ -173,6 +175,33 @@ fn no_byte_is_uploaded_twice() {
     assert!(show(3, &world, &torn, &flags) > positions + indices(&torn), "a tear is new indices");
     assert_eq!(show(4, &world, &torn, &flags), positions);
 
+    // Between states two are there, of which the first was shown last; on the way only a number is sent.
+    let mut positions_of = |world: &mut World| {
+        let mut positions = Vec::new();
+        world.step();
+        world.positions_f32(&mut positions);
+        positions
+    };
+    let ways: [Vec<[f32; 3]>; 3] = std::array::from_fn(|_| positions_of(&mut world));
+    let mut between = |number: usize, part: f32| {
+        let before = Earlier { version: 10 + number as u64, positions: &ways[number], part };
+        let frame = Frame {
+            version: before.version + 1,
+            positions: &ways[number + 1],
+            earlier: Some(before),
+            flags: &flags,
+            enabled: [true; 3],
+            rest_scale: [1.0; 3],
+            ..Frame::default()
+        };
+        cloth.set_frame(device, queue, &renderer, &frame, &style);
+        cloth.take_uploaded()
+    };
+    assert_eq!(between(0, 0.5), 2 * positions + 16);
+    assert_eq!(between(0, 0.75), 16, "on the way only its part is sent");
+    assert_eq!(between(0, 0.75), 0);
+    assert_eq!(between(1, 0.25), positions + 16, "where one way ends the next begins");
+
     let mut view = View::new(device, &renderer);
     let mut look = |camera: &Camera| {
         let bounds = Bounds::of(&[[0.0; 3], [1.0; 3]]);
@@ -183,4 +212,43 @@ fn no_byte_is_uploaded_twice() {
     assert!(look(&Camera::default()) > 0);
     assert_eq!(look(&Camera::default()), 0, "a camera that stands still is not sent again");
     assert!(look(&Camera { yaw: 1.0, ..Camera::default() }) > 0);
+}
+
+#[test]
+fn between_two_states_a_picture_shows_the_way() {
+    let Some(gpu) = gpu("between_two_states_a_picture_shows_the_way") else { return };
+    let mut world = world("sheet");
+    let geometry = Geometry::of(&world, 1);
+    let mut states: [Vec<[f32; 3]>; 2] = Default::default();
+    world.positions_f32(&mut states[0]);
+    for _ in 0..40 {
+        world.step();
+    }
+    world.positions_f32(&mut states[1]);
+    let [first, last] = &states;
+    let middle: Vec<[f32; 3]> =
+        first.iter().zip(last).map(|(&a, &b)| Vec3::from(a).midpoint(b.into()).to_array()).collect();
+    let mut camera = Camera::default();
+    let bounds = Bounds::of(first.iter().chain(last)).expect("a box");
+    let size = Vec2::new(SIZE[0] as f32, SIZE[1] as f32);
+    camera.focus(&bounds, size);
+    let look =
+        Look { camera: &camera, size, pixels_per_point: 1.0, ground_height: -30.0, bounds: Some(bounds) };
+    let draw = |positions: &[[f32; 3]], earlier: Option<Earlier<'_>>| {
+        let frame = Frame {
+            version: 2,
+            positions,
+            earlier,
+            enabled: [true; 3],
+            rest_scale: [1.0; 3],
+            ..Frame::default()
+        };
+        let cloths = [(geometry.topology(), frame)];
+        picture::draw(&gpu, &cloths, &look, &Style::default(), 1).expect("drawn").rgba
+    };
+    let way = |part| draw(last, Some(Earlier { version: 1, positions: first, part }));
+    let straight = draw(&middle, None);
+    assert!(difference(&way(0.5), &straight) <= LIMIT);
+    assert!(difference(&way(1.0), &draw(last, None)) == 0.0);
+    assert!(difference(&way(0.0), &straight) > LIMIT, "the ends are not the middle");
 }

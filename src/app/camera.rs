@@ -38,6 +38,12 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// The box around points on their ways from this box to the other, which have come so far (0 to 1).
+    #[must_use]
+    pub fn towards(&self, other: &Self, part: f32) -> Self {
+        Self { min: self.min.lerp(other.min, part), max: self.max.lerp(other.max, part) }
+    }
+
     /// Half of the diagonal, m.
     pub fn radius(&self) -> f32 {
         self.min.distance(self.max) / 2.0

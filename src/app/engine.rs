@@ -16,7 +16,7 @@ use std::{
 use glam::DVec3;
 
 use super::lane::Lane;
-pub use super::order::{LaneSetup, LaneState, Limit, Order, State, Studied, Values};
+pub use super::order::{LaneSetup, LaneState, Limit, Moment, Order, State, Studied, Values};
 use crate::{
     scene::{Pending, Place, Refusal},
     world::{Clock, Command, Entry, Recording},
@@ -45,7 +45,7 @@ pub struct Engine {
     values: Values,
     orders: u64,
     version: u64,
-    geometries: u64,
+    numbers: u64,
     refusal: Option<(u64, String)>,
     /// Simulated time that all lanes have reached since they were opened together, s.
     time: f64,
@@ -88,7 +88,7 @@ impl Engine {
             values: Values::None,
             orders: 0,
             version: 0,
-            geometries: 0,
+            numbers: 0,
             refusal: None,
             time: 0.0,
             owed: 0,
@@ -207,6 +207,9 @@ impl Engine {
             }
             let before = lane.world.time();
             let done = lane.world.apply(command.clone());
+            if !matches!(command, Command::Drag { .. }) {
+                lane.told = None;
+            }
             let is_setting =
                 matches!(command, Command::Set { .. } | Command::Pin { .. } | Command::Free { .. });
             if is_setting && done.is_ok() {
@@ -291,7 +294,7 @@ impl Engine {
         self.pace = Pace::default();
         self.at = Instant::now();
         for lane in &mut self.lanes {
-            lane.previous.clear();
+            lane.forget_moments();
         }
     }
 
@@ -346,7 +349,7 @@ impl Engine {
             let before = lane.world.time();
             let dt = lane.world.scene().dt;
             if blends {
-                lane.world.positions_f32(&mut lane.previous);
+                lane.begin_beat(&mut self.numbers);
             }
             while dt > 0.0 && lane.world.time() + dt <= time * (1.0 + 1e-12) + 1e-12 {
                 let steps = lane.world.steps();
@@ -384,10 +387,10 @@ impl Engine {
         let compared = (self.lanes.len() > 1)
             .then(|| self.lanes.get(self.reference).map(|lane| lane.world.positions()))
             .flatten();
-        let (values, posed, geometries) = (self.values, self.grips.posed(), &mut self.geometries);
+        let (values, posed, numbers) = (self.values, self.grips.posed(), &mut self.numbers);
         let lanes = self.lanes.iter_mut();
         let lanes =
-            lanes.map(|lane| Arc::new(lane.state(values, compared.as_deref(), posed, geometries))).collect();
+            lanes.map(|lane| Arc::new(lane.state(values, compared.as_deref(), posed, numbers))).collect();
         let wall = (self.beat_time() / self.clock.speed).clamp(0.0, 1e6);
         State {
             orders: self.orders,

@@ -194,7 +194,9 @@ impl Film {
         let drawn = Drawn {
             version: self.version,
             positions: &positions,
+            earlier: None,
             flags: &self.flags,
+            values_version: 0,
             values: None,
             enabled: kinds.each_ref().map(|kind| kind.enabled),
             rest_scale: kinds.each_ref().map(|kind| kind.rest_scale as f32),
@@ -202,7 +204,7 @@ impl Film {
         };
         self.cloth[0].set_frame(device, queue, renderer, &drawn, style);
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        renderer.prepare(&mut encoder, view, &mut self.cloth, style);
+        renderer.prepare(&gpu.device, &mut encoder, view, &mut self.cloth, style);
         let mut pass = self.attachments.begin(&mut encoder, &self.picture.view(), wgpu::Color::BLACK);
         renderer.draw(&mut pass, view, &self.cloth, style);
         drop(pass);

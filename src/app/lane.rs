@@ -9,9 +9,10 @@ use std::{
 use glam::DVec3;
 
 use super::{
+    camera::Bounds,
     changes::changes,
     geometry::Geometry,
-    order::{LaneSetup, LaneState, Limit, Values},
+    order::{LaneSetup, LaneState, Limit, Moment, Values},
     render::flag,
 };
 use crate::{
@@ -38,7 +39,10 @@ pub(super) struct Lane {
     pub geometry: Arc<Geometry>,
     /// Torn springs that `geometry` leaves out; none once the geometry is out of date.
     pub shape: Option<usize>,
-    pub previous: Vec<[f32; 3]>,
+    /// Where the beat that was taken last began.
+    pub previous: Option<Moment>,
+    /// What was told last, after how many steps; none once particles were put elsewhere without one.
+    pub told: Option<(u64, Moment)>,
     /// States to go back to, with their times.
     pub remembered: VecDeque<(f64, Snapshot)>,
     /// Computing time and simulated time since the last measurement.
@@ -95,7 +99,8 @@ impl Lane {
             place,
             geometry: Arc::default(),
             shape: None,
-            previous: Vec::new(),
+            previous: None,
+            told: None,
             remembered: VecDeque::new(),
             spent: (Duration::ZERO, 0.0),
             measures: Measures::default(),
@@ -119,6 +124,29 @@ impl Lane {
             let _ = self.world.set_threads((cores - 1).clamp(1, MOST_THREADS));
         }
         Ok(())
+    }
+
+    /// Where the particles are now: what was told last, as long as no step has moved them since.
+    fn now(&mut self, numbers: &mut u64) -> Moment {
+        let steps = self.world.steps();
+        if let Some((told, moment)) = &self.told
+            && *told == steps
+        {
+            return moment.clone();
+        }
+        let moment = Moment::new(&self.world, &BTreeMap::new(), numbers);
+        self.told = Some((steps, moment.clone()));
+        moment
+    }
+
+    /// Keeps where the particles are before a beat.
+    pub fn begin_beat(&mut self, numbers: &mut u64) {
+        self.previous = Some(self.now(numbers));
+    }
+
+    /// Forgets where the particles were: they have not come from there.
+    pub fn forget_moments(&mut self) {
+        (self.previous, self.told) = (None, None);
     }
 
     /// Takes over what changes with commands only.
@@ -193,7 +221,7 @@ impl Lane {
             self.remembered.pop_back();
         }
         self.shape = None;
-        self.previous.clear();
+        self.forget_moments();
         self.restart_search("simulator");
         self.refresh();
     }
@@ -226,22 +254,18 @@ impl Lane {
         values: Values,
         reference: Option<&[DVec3]>,
         posed: &BTreeMap<u32, DVec3>,
-        geometries: &mut u64,
+        numbers: &mut u64,
     ) -> LaneState {
+        let moment =
+            if posed.is_empty() { self.now(numbers) } else { Moment::new(&self.world, posed, numbers) };
+        let Moment { version, positions, bounds } = moment;
         let world = &self.world;
         // Between commands springs only tear: their number tells.
         let shape = Some(world.broken().len());
         if shape != self.shape {
-            *geometries += 1;
-            self.geometry = Arc::new(Geometry::of(world, *geometries));
+            *numbers += 1;
+            self.geometry = Arc::new(Geometry::of(world, *numbers));
             self.shape = shape;
-        }
-        let mut positions = Vec::new();
-        world.positions_f32(&mut positions);
-        for (particle, to) in posed {
-            if let Some(position) = positions.get_mut(*particle as usize) {
-                *position = to.as_vec3().to_array();
-            }
         }
         let mut flags: Vec<u32> =
             world.pinned().iter().map(|pinned| if *pinned { flag::PINNED } else { 0 }).collect();
@@ -261,7 +285,7 @@ impl Lane {
             Values::Strain => Some(Arc::new(strain_by_particle(world))),
             Values::Distance => apart.map(|apart| Arc::new(apart.iter().map(|d| *d as f32).collect())),
         };
-        let previous = (self.previous.len() == positions.len()).then(|| Arc::new(self.previous.clone()));
+        let previous = self.previous.clone().filter(|before| before.positions.len() == positions.len());
         LaneState {
             title: self.title.clone(),
             scene: world.scene().clone(),
@@ -281,8 +305,26 @@ impl Lane {
             mass: self.mass,
             report: Arc::clone(&self.report),
             warnings: Arc::clone(&self.warnings),
-            positions: Arc::new(positions),
+            version,
+            positions,
+            bounds,
         }
+    }
+}
+
+impl Moment {
+    /// Where a world's particles are now, those that a hand has moved meanwhile where it holds them.
+    fn new(world: &World, posed: &BTreeMap<u32, DVec3>, numbers: &mut u64) -> Self {
+        *numbers += 1;
+        let mut positions = Vec::new();
+        world.positions_f32(&mut positions);
+        for (particle, to) in posed {
+            if let Some(position) = positions.get_mut(*particle as usize) {
+                *position = to.as_vec3().to_array();
+            }
+        }
+        let bounds = Bounds::of(positions.iter());
+        Self { version: *numbers, positions: Arc::new(positions), bounds }
     }
 }
 

@@ -8,7 +8,7 @@ use std::{
 
 use glam::DVec3;
 
-use super::geometry::Geometry;
+use super::{camera::Bounds, geometry::Geometry};
 use crate::{
     scene::{Opened, Place, Scene},
     target::ImportReport,
@@ -126,6 +126,17 @@ impl Limit {
     }
 }
 
+/// Where the particles of a lane were.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    /// Differs for any two moments of any lanes.
+    pub version: u64,
+    /// m.
+    pub positions: Arc<Vec<[f32; 3]>>,
+    /// The box around them.
+    pub bounds: Option<Bounds>,
+}
+
 /// What a lane looks like now.
 #[derive(Clone, Debug)]
 pub struct LaneState {
@@ -135,10 +146,14 @@ pub struct LaneState {
     pub scene: Scene,
     /// What is drawn of it.
     pub geometry: Arc<Geometry>,
+    /// Differs whenever `positions` do.
+    pub version: u64,
     /// Positions after the last step, m.
     pub positions: Arc<Vec<[f32; 3]>>,
-    /// Positions one step before, where a step takes longer than a picture.
-    pub previous: Option<Arc<Vec<[f32; 3]>>>,
+    /// The box around them.
+    pub bounds: Option<Bounds>,
+    /// Where they were one beat before, where a beat takes longer than a picture.
+    pub previous: Option<Moment>,
     /// Pinned and grabbed bits by particle.
     pub flags: Arc<Vec<u32>>,
     /// Values by particle, if wanted.

@@ -52,7 +52,7 @@ pub fn draw(
         })
         .collect();
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    renderer.prepare(&mut encoder, &mut view, &mut stored, style);
+    renderer.prepare(device, &mut encoder, &mut view, &mut stored, style);
     let attachments = Attachments::new(device, PICTURE_FORMAT, size, samples);
     let mut pass = attachments.begin(&mut encoder, &picture.view(), wgpu::Color::BLACK);
     renderer.draw(&mut pass, &view, &stored, style);
@@ -108,7 +108,9 @@ pub fn of_world(gpu: &Gpu, world: &World, size: [u32; 2], style: &Style) -> Resu
     let frame = Frame {
         version: 1,
         positions: &positions,
+        earlier: None,
         flags: &flags,
+        values_version: 1,
         values: None,
         enabled: kinds.each_ref().map(|kind| kind.enabled),
         rest_scale: kinds.each_ref().map(|kind| kind.rest_scale as f32),
@@ -214,7 +216,9 @@ mod tests {
         let frame = Frame {
             version: 1,
             positions: &s.positions,
+            earlier: None,
             flags: &s.flags,
+            values_version: 1,
             values: Some(&s.values),
             enabled: [true; 3],
             rest_scale: [1.0; 3],

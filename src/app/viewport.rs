@@ -270,7 +270,7 @@ impl Drawing {
                 bounds: tile.bounds,
             };
             view.set(&canvas.gpu.queue, &look, style);
-            self.renderer.prepare(canvas.encoder, view, &mut cloths[tile.lanes.clone()], style);
+            self.renderer.prepare(device, canvas.encoder, view, &mut cloths[tile.lanes.clone()], style);
             self.uploaded += view.take_uploaded();
         }
         let mut pass = canvas.attachments.begin(canvas.encoder, canvas.target, wgpu::Color::BLACK);

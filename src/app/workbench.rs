@@ -51,11 +51,10 @@ pub struct Workbench {
     window_title: String,
     /// The next frame looks at the whole cloth.
     focus: Option<Focus>,
+    /// The camera keeps the cloth in the picture: from its opening until the mouse first does something there.
+    follows: bool,
     /// The view before a burst, and the one that shows what is left of the cloth.
     before_burst: Option<[Camera; 2]>,
-    /// Counts what the cloth on the device must follow: new states, selections, blends.
-    frame: u64,
-    positions: Vec<[f32; 3]>,
     flags: Vec<u32>,
     ground_height: f32,
     is_finished: bool,
@@ -88,10 +87,9 @@ impl Workbench {
             device: String::new(),
             window_title: String::new(),
             focus: Some(Focus::Opened),
+            follows: true,
             before_burst: None,
             closer: Closer::default(),
-            frame: 0,
-            positions: Vec::new(),
             flags: Vec::new(),
             ground_height: 0.0,
             is_finished: false,
@@ -369,10 +367,14 @@ impl Workbench {
             let triangles: &[[u32; 3]] = if shows_surface { &lane.geometry.triangles } else { &[] };
             picking::Target { positions: &lane.positions, triangles }
         };
+        let before = self.viewport.camera;
         let intents = self.viewport.ui(ui, tiles, target);
+        self.follows &= intents.is_empty() && self.viewport.camera == before;
         let Some(lane) = lanes.get(lane_of(self.viewport.active)) else { return };
         if self.focus.is_some() && self.viewport.size().min_element() > 1.0 {
             self.look(lane);
+        } else if self.follows && self.session.running() && self.before_burst.is_none() {
+            self.follow(lane, ui.input(|input| input.stable_dt));
         }
         for intent in intents {
             if tiles > 1 && matches!(intent, Intent::Grab(_) | Intent::Click { .. }) {

@@ -1,4 +1,4 @@
-//! What the device stores of one cloth, and its updates: indices with the topology, positions once a frame.
+//! What the device stores of one cloth, and its updates: indices with the topology, positions once a state.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -6,8 +6,9 @@ use super::{
     Frame, Renderer, Style, Topology,
     buffer::Buffer,
     lines::{EDGES, KINDS, LineSet},
+    motion::Motion,
     normals::triangles_around,
-    pipeline::Layouts,
+    pipeline::{Layouts, bind},
     style::rgba,
 };
 
@@ -31,7 +32,7 @@ struct Uniform {
 /// One lane's cloth on the device.
 pub struct Cloth {
     uniform: Buffer,
-    positions: Buffer,
+    pub(super) motion: Motion,
     normals: Buffer,
     flags: Buffer,
     values: Buffer,
@@ -47,9 +48,10 @@ pub struct Cloth {
     pub(super) particle_count: u32,
     pub(super) marked_count: u32,
     pub(super) enabled: [bool; 3],
-    pub(super) normals_are_old: bool,
+    /// The positions that the normals belong to.
+    pub(super) normals_of: Option<u64>,
     topology_version: Option<u64>,
-    frame_version: Option<u64>,
+    values_version: Option<u64>,
     shown_uniform: Option<Uniform>,
     shown_flags: Vec<u32>,
     /// Mean length of an edge at rest, m.
@@ -65,20 +67,21 @@ impl Cloth {
         let layouts = &renderer.layouts;
         let mut uniform = Buffer::new(device, "cloth", Usage::UNIFORM);
         uniform.resize(device, size_of::<Uniform>() as u64);
-        let [positions, normals, flags, values, starts, around, marked] =
-            ["positions", "normals", "flags", "values", "starts", "around", "marked"].map(storage);
+        let motion = Motion::new(device);
+        let [normals, flags, values, starts, around, marked] =
+            ["normals", "flags", "values", "starts", "around", "marked"].map(storage);
         let triangles = Buffer::new(device, "triangles", Usage::STORAGE | Usage::INDEX);
         Self {
-            bind_group: bind_cloth(device, layouts, [&uniform, &positions, &normals, &flags, &values]),
+            bind_group: bind_cloth(device, layouts, [&uniform, &motion.positions, &normals, &flags, &values]),
             normals_group: bind_normals(
                 device,
                 layouts,
-                [&positions, &triangles, &starts, &around, &normals],
+                [&motion.positions, &triangles, &starts, &around, &normals],
             ),
             marked_group: bind_marked(device, layouts, &marked),
             lines: std::array::from_fn(|kind| LineSet::new(device, queue, layouts, kind)),
             uniform,
-            positions,
+            motion,
             normals,
             flags,
             values,
@@ -90,9 +93,9 @@ impl Cloth {
             particle_count: 0,
             marked_count: 0,
             enabled: [false; 3],
-            normals_are_old: false,
+            normals_of: None,
             topology_version: None,
-            frame_version: None,
+            values_version: None,
             shown_uniform: None,
             shown_flags: Vec::new(),
             spacing: 1.0,
@@ -112,7 +115,7 @@ impl Cloth {
             return;
         }
         self.topology_version = Some(topology.version);
-        self.frame_version = None;
+        (self.values_version, self.normals_of) = (None, None);
         let layouts = &renderer.layouts;
         let n = u64::from(topology.particles);
         let (starts, around) = triangles_around(topology.particles, topology.triangles);
@@ -120,7 +123,7 @@ impl Cloth {
         self.triangles.set(device, queue, topology.triangles, uploaded);
         self.starts.set(device, queue, &starts, uploaded);
         self.around.set(device, queue, &around, uploaded);
-        self.positions.resize(device, 12 * n);
+        self.motion.resize(device, n);
         self.normals.resize(device, 16 * n);
         if self.flags.resize(device, 4 * n) {
             // A new buffer is zero, and so is what it is taken to show.
@@ -148,17 +151,20 @@ impl Cloth {
         let n = self.particle_count as usize;
         let fits = frame.positions.len() == n
             && (frame.flags.is_empty() || frame.flags.len() == n)
+            && frame.earlier.is_none_or(|earlier| earlier.positions.len() == n)
             && frame.values.is_none_or(|values| values.len() == n);
         if !fits {
             return;
         }
-        if self.frame_version != Some(frame.version) && n > 0 {
-            self.frame_version = Some(frame.version);
-            self.normals_are_old = true;
-            self.positions.set(device, queue, frame.positions, &mut self.uploaded);
-            if let Some(values) = frame.values
-                && self.values.set(device, queue, values, &mut self.uploaded)
-            {
+        if n > 0 {
+            let Frame { version, positions, earlier, .. } = *frame;
+            self.motion.show(device, queue, version, positions, earlier, &mut self.uploaded);
+        }
+        if let Some(values) =
+            frame.values.filter(|_| n > 0 && self.values_version != Some(frame.values_version))
+        {
+            self.values_version = Some(frame.values_version);
+            if self.values.set(device, queue, values, &mut self.uploaded) {
                 self.bind(device, &renderer.layouts);
             }
         }
@@ -228,7 +234,7 @@ impl Cloth {
 
     /// What is drawn of it now: other versions, another shape.
     pub(super) fn versions(&self) -> [Option<u64>; 2] {
-        [self.topology_version, self.frame_version]
+        [self.topology_version, Some(self.motion.version())]
     }
 
     /// Every n-th free particle is drawn.
@@ -253,12 +259,12 @@ impl Cloth {
         self.bind_group = bind_cloth(
             device,
             layouts,
-            [&self.uniform, &self.positions, &self.normals, &self.flags, &self.values],
+            [&self.uniform, &self.motion.positions, &self.normals, &self.flags, &self.values],
         );
         self.normals_group = bind_normals(
             device,
             layouts,
-            [&self.positions, &self.triangles, &self.starts, &self.around, &self.normals],
+            [&self.motion.positions, &self.triangles, &self.starts, &self.around, &self.normals],
         );
     }
 }
@@ -273,14 +279,4 @@ fn bind_normals(device: &wgpu::Device, layouts: &Layouts, buffers: [&Buffer; 5])
 
 fn bind_marked(device: &wgpu::Device, layouts: &Layouts, marked: &Buffer) -> wgpu::BindGroup {
     bind(device, "marked particles", &layouts.marked, &[marked])
-}
-
-fn bind(
-    device: &wgpu::Device,
-    label: &str,
-    layout: &wgpu::BindGroupLayout,
-    buffers: &[&Buffer],
-) -> wgpu::BindGroup {
-    let entries: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| buffer.binding(binding)).collect();
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
 }

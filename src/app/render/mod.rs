@@ -1,12 +1,14 @@
 //! Draws cloth: knows neither window nor simulation, so a picture on disk and the viewport come from the same code.
 //!
 //! [`Renderer`] holds the pipelines, [`Cloth`] what the device stores of one lane, [`View`] one camera's look into the world.
-//! Positions are uploaded once a frame into one buffer that every primitive reads; indices only when the topology changes.
+//! Positions are uploaded once a state, blended between two of them on the device, and read by every primitive from one buffer;
+//! indices are uploaded only when the topology changes.
 
 mod buffer;
 mod cloth;
 mod ground;
 mod lines;
+mod motion;
 mod normals;
 mod pipeline;
 mod shadow;
@@ -16,6 +18,7 @@ mod surface;
 mod view;
 
 pub use cloth::Cloth;
+pub use motion::Earlier;
 pub use style::{Colour, Colours, Ramp, STRAIN_RAMP, Style, Theme};
 pub use view::{Look, View};
 
@@ -54,12 +57,16 @@ pub struct Topology<'a> {
 /// What may change with every picture.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Frame<'a> {
-    /// Differs whenever positions or values do; an unchanged version uploads neither. Flags are compared.
+    /// Differs whenever positions do; an unchanged version uploads none. Flags are compared.
     pub version: u64,
     /// Particle positions, m.
     pub positions: &'a [[f32; 3]],
+    /// What is shown lies between these positions and `positions`; none shows `positions`.
+    pub earlier: Option<Earlier<'a>>,
     /// Bits of [`flag`] for each particle; empty if none is marked.
     pub flags: &'a [u32],
+    /// As the version, for values.
+    pub values_version: u64,
     /// A value for each particle that can colour the surface (mean strain, distance between lanes).
     pub values: Option<&'a [f32]>,
     /// Kinds of springs that act and are therefore shown.
@@ -73,6 +80,7 @@ pub struct Frame<'a> {
 /// The pipelines, made once for a target's format and samples.
 pub struct Renderer {
     layouts: pipeline::Layouts,
+    blend: motion::Blend,
     normals: normals::Normals,
     shadow: shadow::Shadow,
     ground: ground::Ground,
@@ -87,6 +95,7 @@ impl Renderer {
         let layouts = pipeline::Layouts::new(device);
         let target = pipeline::Target { format, samples };
         Self {
+            blend: motion::Blend::new(device, &layouts),
             normals: normals::Normals::new(device, &layouts),
             shadow: shadow::Shadow::new(device, &layouts),
             ground: ground::Ground::new(device, &layouts, target),
@@ -97,15 +106,17 @@ impl Renderer {
         }
     }
 
-    /// What must be known before the pass: normals of the cloths that moved, and the shadow below them.
+    /// What must be known before the pass: positions and normals of the cloths that moved, and the shadow below them.
     pub fn prepare(
         &self,
+        device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
         view: &mut View,
         cloths: &mut [Cloth],
         style: &Style,
     ) {
         for cloth in cloths.iter_mut() {
+            cloth.motion.blend(device, &self.layouts, &self.blend, encoder);
             self.normals.compute(encoder, cloth);
         }
         let thrown = Some((view.shadow(), cloths.iter().map(Cloth::versions).collect()));

@@ -2,46 +2,22 @@
 
 use super::{
     Cloth,
-    pipeline::{Layouts, shader},
+    pipeline::{Compute, Layouts, shader},
 };
 
-const GROUP: u32 = 64;
-/// Most workgroups along one dimension that every adapter allows.
-const MOST_GROUPS: u32 = 65_535;
-
-pub(super) struct Normals {
-    pipeline: wgpu::ComputePipeline,
-}
+pub(super) struct Normals(Compute);
 
 impl Normals {
     pub(super) fn new(device: &wgpu::Device, layouts: &Layouts) -> Self {
-        let module = shader!(device, "normals");
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("normals"),
-            bind_group_layouts: &[Some(&layouts.normals)],
-            immediate_size: 0,
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("normals"),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        Self { pipeline }
+        Self(Compute::new(device, "normals", &layouts.normals, &shader!(device, "normals")))
     }
 
     pub(super) fn compute(&self, encoder: &mut wgpu::CommandEncoder, cloth: &mut Cloth) {
-        if !std::mem::take(&mut cloth.normals_are_old) || cloth.triangle_count == 0 {
-            return;
+        let version = Some(cloth.motion.version());
+        if cloth.normals_of != version && cloth.triangle_count > 0 {
+            cloth.normals_of = version;
+            self.0.run(encoder, &cloth.normals_group, cloth.particle_count);
         }
-        let groups = cloth.particle_count.div_ceil(GROUP);
-        let rows = groups.div_ceil(MOST_GROUPS);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, &cloth.normals_group, &[]);
-        pass.dispatch_workgroups(groups.div_ceil(rows), rows, 1);
     }
 }
 

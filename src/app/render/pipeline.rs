@@ -1,6 +1,6 @@
 //! Bind group layouts that the primitives share, and the making of their pipelines.
 
-use super::super::gpu::DEPTH_FORMAT;
+use super::{super::gpu::DEPTH_FORMAT, buffer::Buffer};
 
 /// What a pipeline draws into.
 #[derive(Clone, Copy)]
@@ -16,6 +16,7 @@ pub(super) struct Layouts {
     pub(super) shadow_map: wgpu::BindGroupLayout,
     pub(super) lines: wgpu::BindGroupLayout,
     pub(super) marked: wgpu::BindGroupLayout,
+    pub(super) blend: wgpu::BindGroupLayout,
     pub(super) normals: wgpu::BindGroupLayout,
 }
 
@@ -72,6 +73,10 @@ impl Layouts {
             }),
             lines: buffers("lines", &[(vertex, UNIFORM), (vertex, READ), (vertex, READ)]),
             marked: buffers("marked particles", &[(vertex, READ)]),
+            blend: buffers(
+                "blend",
+                &[(compute, READ), (compute, READ), (compute, UNIFORM), (compute, WRITE)],
+            ),
             normals: buffers(
                 "normals",
                 &[(compute, READ), (compute, READ), (compute, READ), (compute, READ), (compute, WRITE)],
@@ -92,6 +97,55 @@ macro_rules! shader {
     };
 }
 pub(super) use shader;
+
+/// A bind group of whole buffers, in the order of their bindings.
+pub(super) fn bind(
+    device: &wgpu::Device,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    buffers: &[&Buffer],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> = (0..).zip(buffers).map(|(binding, buffer)| buffer.binding(binding)).collect();
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+}
+
+/// Work for each element of an array.
+pub(super) struct Compute(wgpu::ComputePipeline);
+
+impl Compute {
+    pub(super) fn new(
+        device: &wgpu::Device,
+        label: &str,
+        group: &wgpu::BindGroupLayout,
+        module: &wgpu::ShaderModule,
+    ) -> Self {
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(label),
+            bind_group_layouts: &[Some(group)],
+            immediate_size: 0,
+        });
+        Self(device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(label),
+            layout: Some(&layout),
+            module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        }))
+    }
+
+    /// Runs the shader, of 64 elements a group, over so many elements.
+    pub(super) fn run(&self, encoder: &mut wgpu::CommandEncoder, group: &wgpu::BindGroup, elements: u32) {
+        /// Most groups along one dimension that every adapter allows.
+        const MOST: u32 = 65_535;
+        let groups = elements.div_ceil(64);
+        let rows = groups.div_ceil(MOST);
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.0);
+        pass.set_bind_group(0, group, &[]);
+        pass.dispatch_workgroups(groups.div_ceil(rows), rows, 1);
+    }
+}
 
 /// What differs from one primitive to the next.
 pub(super) struct Recipe<'a> {

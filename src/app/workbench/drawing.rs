@@ -1,13 +1,10 @@
 //! The picture beneath the panels: every lane, blended between its last two states, as the display settings say.
 
-use std::time::Instant;
-
-use glam::Vec3;
-
 use super::{Canvas, Cloth, LaneState, Style, Workbench, panels};
 use crate::app::{
     camera::Bounds,
-    render::{Frame, Ramp, flag},
+    engine::{Moment, State},
+    render::{Earlier, Frame, Ramp, flag},
     viewport::Tile,
 };
 
@@ -35,11 +32,9 @@ impl Workbench {
             cloths.push(Cloth::new(device, queue, drawing.renderer()));
         }
         cloths.truncate(state.lanes.len());
-        self.frame += 1;
         let mut bounds: Vec<Option<Bounds>> = Vec::new();
         for (number, (lane, cloth)) in state.lanes.iter().zip(cloths.iter_mut()).enumerate() {
-            let blended = blend(state.running, state.at, state.beat, lane, &mut self.positions);
-            let positions = if blended { &self.positions } else { lane.positions.as_ref() };
+            let earlier = on_the_way(state, lane);
             self.flags.clone_from(&lane.flags);
             for particle in &self.session.selection {
                 if let Some(flag) = self.flags.get_mut(*particle as usize) {
@@ -49,17 +44,27 @@ impl Workbench {
             cloth.set_topology(device, queue, drawing.renderer(), &lane.geometry.topology());
             let kinds = lane.scene.springs.kinds();
             let frame = Frame {
-                // A still picture uploads nothing: the state's version stands for all that it holds.
-                version: if blended { u64::MAX - self.frame } else { state.version },
-                positions,
+                version: lane.version,
+                positions: &lane.positions,
+                earlier: earlier.as_ref().map(|(before, part)| Earlier {
+                    version: before.version,
+                    positions: &before.positions,
+                    part: *part,
+                }),
                 flags: &self.flags,
+                values_version: state.version,
                 values: lane.values.as_ref().map(|values| values.as_slice()),
                 enabled: kinds.each_ref().map(|kind| kind.enabled),
                 rest_scale: kinds.each_ref().map(|kind| kind.rest_scale as f32),
                 tint: (state.lanes.len() > 1 && !by_distance).then(|| panels::lane_colour(number)),
             };
             cloth.set_frame(device, queue, drawing.renderer(), &frame, &style);
-            bounds.push(Bounds::of(positions.iter()));
+            bounds.push(match earlier {
+                Some((before, part)) => {
+                    before.bounds.zip(lane.bounds).map(|(before, now)| before.towards(&now, part))
+                }
+                None => lane.bounds,
+            });
         }
         let (camera, ground_height) = (&self.viewport.camera, self.ground_height);
         let count = cloths.len();
@@ -75,22 +80,9 @@ impl Workbench {
     }
 }
 
-/// Writes the lane's positions between its last two states into `into`; false if the last state is to be shown as it is.
-fn blend(
-    running: bool,
-    at: Instant,
-    beat: std::time::Duration,
-    lane: &LaneState,
-    into: &mut Vec<[f32; 3]>,
-) -> bool {
-    let Some(previous) = lane.previous.as_ref().filter(|_| running && !beat.is_zero()) else { return false };
-    let part = (at.elapsed().as_secs_f32() / beat.as_secs_f32()).min(1.0);
-    into.clear();
-    into.extend(
-        previous
-            .iter()
-            .zip(lane.positions.iter())
-            .map(|(&a, &b)| Vec3::from(a).lerp(Vec3::from(b), part).to_array()),
-    );
-    true
+/// The state before, and how much of the way to the last one is to be shown; none if that is shown as it is.
+fn on_the_way<'a>(state: &State, lane: &'a LaneState) -> Option<(&'a Moment, f32)> {
+    let before = lane.previous.as_ref().filter(|_| state.running && !state.beat.is_zero())?;
+    let part = state.at.elapsed().as_secs_f32() / state.beat.as_secs_f32();
+    Some((before, part.min(1.0)))
 }

@@ -40,11 +40,36 @@ impl Workbench {
         }
     }
 
+    /// Turns after cloth that moves on, `seconds` later than the last time. As long as it is about where it is looked for the
+    /// camera rests: a flag shall wave before a still ground.
+    pub(super) fn follow(&mut self, lane: &LaneState, seconds: f32) {
+        /// Seconds in which the view catches up with most of the way.
+        const EASE: f32 = 0.8;
+        /// How far off is still well placed: of half the picture's height, and as a ratio of sizes.
+        const PLACED: f32 = 0.12;
+        let Some(bounds) = lane.bounds else { return };
+        let size = self.viewport.size();
+        let camera = &mut self.viewport.camera;
+        let mut wanted = *camera;
+        wanted.focus(&bounds, size);
+        let part = 1.0 - (-seconds.min(0.1) / EASE).exp();
+        let way = wanted.target - camera.target;
+        let far = way.length();
+        let excess = (far - PLACED * wanted.half_height()).max(0.0);
+        let larger = (wanted.distance / camera.distance).ln();
+        let beyond = larger - larger.clamp(-PLACED, PLACED);
+        if excess > 0.0 {
+            camera.target += way / far * (excess * part);
+        }
+        camera.distance *= (beyond * part).exp();
+    }
+
     pub(super) fn look(&mut self, lane: &LaneState) {
         let size = self.viewport.size();
         let focus = self.focus.take();
+        self.follows |= focus.is_some();
         if focus == Some(Focus::Burst) {
-            if let Some(bounds) = Bounds::of(lane.positions.iter()) {
+            if let Some(bounds) = lane.bounds {
                 self.viewport.camera.focus(&bounds, size);
             }
             if let Some([_, shown]) = &mut self.before_burst {
@@ -69,7 +94,7 @@ impl Workbench {
             let room = Vec3::splat((bounds.radius() * 0.3).max(2.0 * mean_length(lane)));
             let bounds = Bounds { min: bounds.min - room, max: bounds.max + room };
             self.viewport.camera.focus(&bounds, size);
-        } else if let Some(bounds) = Bounds::of(lane.positions.iter()) {
+        } else if let Some(bounds) = lane.bounds {
             // Cloth falls: below a flat sheet there must be room for it.
             let fall = ((bounds.max - bounds.min).with_y(0.0).max_element() - (bounds.max.y - bounds.min.y))
                 .max(0.0);
