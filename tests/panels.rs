@@ -112,6 +112,10 @@ fn the_method_is_chosen_from_the_registry() {
     assert!(window.query_by_label("Springs stretch stiffness").is_none(), "Verlet ignores the stiffness");
     assert!(window.query_by_label("Springs damping").is_none(), "and the springs' damping");
     window.get_by_label("Simulator params sweeps");
+    let ratio = "Simulator params damping ratio";
+    assert!(window.query_by_label(ratio).is_none(), "a ratio that the law of damping does not use");
+    choose(&mut window, "Simulator params damping law", "PerStep");
+    window.get_by_label(ratio);
 }
 
 #[test]
@@ -534,4 +538,30 @@ fn typed_text_is_no_command() {
     window.get_by_role(Role::TextInput).type_text("r.p");
     press(&mut window, Modifiers::NONE, Key::Period);
     assert_eq!(lane(&window, 0).steps, 0);
+}
+
+#[test]
+fn the_view_follows_the_cloth_until_the_mouse_takes_over() {
+    let mut window = open("()");
+    let off = |window: &Window| {
+        let viewport = &window.state().viewport;
+        let centre = lane(window, 0).bounds.expect("a box").centre();
+        let seen = viewport.camera.projector(viewport.size()).pixel(centre).expect("before the eye").pixel;
+        seen.distance(viewport.size() / 2.0) / viewport.size().y
+    };
+    // It falls from its start to where it hangs.
+    step(&mut window, 500);
+    let before = off(&window);
+    window.state_mut().session.run(true);
+    window.run_steps(100);
+    assert!(off(&window) < 0.1 && before > 0.1, "{before} then {}", off(&window));
+    // A second fall, after the mouse has turned the view.
+    window.get_by_label("Viewport").click();
+    window.run_steps(3);
+    let camera = window.state().viewport.camera;
+    window.state_mut().session.reset();
+    window.run_steps(30);
+    assert_eq!(window.state().viewport.camera, camera);
+    press(&mut window, Modifiers::NONE, Key::F);
+    assert!(off(&window) < 0.1);
 }
