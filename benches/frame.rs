@@ -1,5 +1,5 @@
-//! Time of a frame of the workbench outside of the GPU: panels, blending, upload, recording and submitting the passes, at
-//! four sizes; and the bytes uploaded for it. Every frame shows other positions.
+//! Time of a frame of the workbench outside of the GPU: panels, upload, recording and submitting the passes, at four sizes;
+//! and the bytes uploaded for it. Frames on the way between two states, and frames that show a new one.
 
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use std::time::{Duration, Instant};
@@ -55,6 +55,17 @@ impl Frames {
         frames
     }
 
+    /// Takes a step, and waits for it.
+    fn step(&mut self) {
+        let session = &mut self.workbench.session;
+        let before = session.state().lanes[0].steps;
+        session.order(Order::Step(1));
+        while session.state().lanes[0].steps == before {
+            std::thread::sleep(Duration::from_millis(1));
+            session.refresh();
+        }
+    }
+
     /// One frame; the time that it took outside of the GPU.
     fn frame(&mut self) -> Duration {
         let start = Instant::now();
@@ -93,11 +104,25 @@ fn frame(criterion: &mut Criterion) {
             Err(e) => return eprintln!("skipped frame: {e}"),
         };
         let mut frames = Frames::open(gpu, n);
-        let particles = u64::from(n) * u64::from(n);
-        let uploaded = frames.workbench.uploaded();
-        println!("frame/{n}x{n}: {uploaded} bytes uploaded, {} of them positions", 12 * particles);
-        group.bench_function(format!("{n}x{n}"), |bencher| {
+        let name = format!("{n}x{n}");
+        let positions = 12 * u64::from(n) * u64::from(n);
+        frames.frame();
+        println!("frame/on the way/{name}: {} bytes uploaded", frames.workbench.uploaded());
+        group.bench_function(format!("on the way/{name}"), |bencher| {
             bencher.iter_custom(|times| (0..times).map(|_| frames.frame()).sum());
+        });
+        frames.step();
+        frames.frame();
+        let uploaded = frames.workbench.uploaded();
+        println!("frame/new state/{name}: {uploaded} bytes uploaded, {positions} of them positions");
+        group.bench_function(format!("new state/{name}"), |bencher| {
+            bencher.iter_custom(|times| {
+                let mut one = || {
+                    frames.step();
+                    frames.frame()
+                };
+                (0..times).map(|_| one()).sum()
+            });
         });
     }
     group.finish();
