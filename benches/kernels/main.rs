@@ -1,7 +1,7 @@
 //! Nanoseconds per spring visit of every method beside the machine's bounds and hand-written kernels, all in one run.
 //!
 //! `cargo bench --no-default-features --bench kernels`: explicit steps in every size, order of numbering, precision and
-//! number of threads. `-- methods`: every method in both precisions; `-- around`: building and measuring; with `large`, 1000²
+//! number of threads. `-- sweeps`: relaxation and XPBD; `-- methods`: every method in both precisions; `-- around`: building and measuring; with `large`, 1000²
 //! particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits all of
 //! them alike.
 #![allow(missing_docs, clippy::unwrap_used)]
@@ -205,6 +205,52 @@ fn methods(sides: &[u32]) {
     }
 }
 
+/// Ten sweeps a step, by order of the springs and by model.
+fn sweeps(sides: &[u32]) {
+    println!(
+        "ten sweeps a step, one thread, ns per spring visit of a whole step; a plain list's sweep beside them"
+    );
+    println!(
+        "          list | creation  eights     XPBD | in Double: eights  XPBD | 10 sweeps in eights, Single, ms a step"
+    );
+    for &side in sides {
+        let of = |id: &str, sets: &[(&str, &str)], precision| {
+            let mut scene = Scene { dt: 1.0 / 60.0, ..scene(side, id, precision) };
+            for (key, value) in sets {
+                scene.set_key(key, value).expect("a setting");
+            }
+            // Moved a little: a sheet at rest is no measure.
+            let world = World::new(scene, Place::default()).expect("a sheet");
+            step(crumpled(&world, 1))
+        };
+        let creation = [("simulator.params.order", "Creation")];
+        let eights = [("simulator.params.order", "Coloured")];
+        let xpbd = [("simulator.params.substeps", "1"), ("simulator.params.iterations", "10")];
+        let mut reference = Reference::new(side);
+        let mut candidates: Vec<Candidate> = vec![
+            (
+                "list".into(),
+                Box::new(move || {
+                    reference.relax();
+                    reference.springs()
+                }),
+            ),
+            ("creation".into(), of("verlet", &creation, Precision::Single)),
+            ("eights".into(), of("verlet", &eights, Precision::Single)),
+            ("XPBD".into(), of("xpbd", &xpbd, Precision::Single)),
+            ("eights".into(), of("verlet", &eights, Precision::Double)),
+            ("XPBD".into(), of("xpbd", &xpbd, Precision::Double)),
+        ];
+        let best = race(&mut candidates, 0.4);
+        let [list, creation, eights, xpbd, eights_double, xpbd_double] = best[..] else { unreachable!() };
+        let visits = 10.0 * Reference::new(side).springs() as f64;
+        println!(
+            "{side:4}²    {list:5.2} |    {creation:5.2}   {eights:5.2}    {xpbd:5.2} |            {eights_double:5.2} {xpbd_double:5.2} | {:.3}",
+            eights * visits * 1e-6
+        );
+    }
+}
+
 /// What surrounds a step: from a scene to a world, and telling what became of it.
 fn around(sides: &[u32]) {
     println!("Single, one thread, ms: a grid built; its measures");
@@ -233,6 +279,8 @@ fn main() {
     let sides: &[u32] = if asked("large") { &[25, 100, 316, 1000] } else { &[25, 100, 316] };
     if asked("methods") {
         methods(sides);
+    } else if asked("sweeps") {
+        sweeps(sides);
     } else if asked("around") {
         around(sides);
     } else {

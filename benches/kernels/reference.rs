@@ -91,6 +91,24 @@ impl Reference {
         Self { side, inverse_mass, v: zeros.clone(), f: zeros, x, list, ends, groups, rows, sums }
     }
 
+    /// One sweep of relaxation over the list as it stands, each spring waiting for the one before it.
+    pub fn relax(&mut self) {
+        for &([i, j], rest, _) in &self.list {
+            let (i, j) = (i as usize, j as usize);
+            let (a, b) = (self.x[i], self.x[j]);
+            let (wi, wj) = (self.inverse_mass[i], self.inverse_mass[j]);
+            let d = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+            let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+            if wi + wj > 0.0 && length > 0.0 {
+                let factor = (length - rest) / length / (wi + wj);
+                for c in 0..3 {
+                    self.x[i][c] += d[c] * factor * wi;
+                    self.x[j][c] -= d[c] * factor * wj;
+                }
+            }
+        }
+    }
+
     pub fn springs(&self) -> u64 {
         self.list.len() as u64
     }

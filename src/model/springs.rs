@@ -16,7 +16,6 @@ pub struct Springs<T: Real> {
     pub ids: Vec<u32>,
     /// The kinds present, each with its range of springs.
     pub groups: Vec<Group<T>>,
-    renumbered: bool,
 }
 
 /// All acting springs of one kind.
@@ -78,7 +77,6 @@ impl<T: Real> Springs<T> {
         if numbering.is_identity() {
             return;
         }
-        self.renumbered = true;
         for group in &self.groups {
             let range = group.range.clone();
             let mut order: Vec<(u64, u32)> = Vec::with_capacity(range.len());
@@ -95,11 +93,6 @@ impl<T: Real> Springs<T> {
                 *pair = [(ends >> 32) as u32, *ends as u32];
             }
         }
-    }
-
-    /// Whether they stand in the order of the topology, which is that in which they were made.
-    pub fn in_order_of_creation(&self) -> bool {
-        !self.renumbered
     }
 
     /// Takes springs out, keeping the order of the others; `torn` are sorted indices.

@@ -4,8 +4,6 @@
 //! application to timetabling problems", 1967), in time linear in the springs. The order depends on nothing but the
 //! springs, so it is the same for any number of threads.
 
-use crate::forces::Problem;
-use crate::math::Real;
 use crate::model::Incidence;
 
 /// Things by colour.
@@ -17,19 +15,6 @@ pub(super) struct Colours {
 }
 
 impl Colours {
-    /// Colours pairs of particles so that no two of a colour share a particle. What 63 colours cannot hold (around a
-    /// particle with very many springs) makes up a last colour, to be worked on in order.
-    pub fn of_pairs(particles: usize, pairs: &[[u32; 2]]) -> Self {
-        let mut used = vec![0u64; particles];
-        Self::group(pairs.iter().map(|&[i, j]| {
-            let taken = used[i as usize] | used[j as usize];
-            let colour = (!taken).trailing_zeros().min(63);
-            used[i as usize] |= 1 << colour;
-            used[j as usize] |= 1 << colour;
-            colour
-        }))
-    }
-
     /// Colours particles so that no two of a colour share a spring.
     pub fn of_particles(particles: usize, incidence: &Incidence) -> Self {
         const NONE: u32 = u32::MAX;
@@ -79,50 +64,6 @@ impl Colours {
     }
 }
 
-/// The springs of a problem in an order of their own.
-#[derive(Clone, Debug, Default)]
-pub(super) struct OrderedSprings<T> {
-    /// Their two particles.
-    pub pairs: Vec<[u32; 2]>,
-    /// Rest lengths, m.
-    pub rest: Vec<T>,
-    /// Stiffnesses, N/m.
-    pub stiffness: Vec<T>,
-    /// The revision of the problem that they were taken from.
-    revision: u64,
-}
-
-impl<T: Real> OrderedSprings<T> {
-    /// Takes over the springs of a problem colour by colour, unless they are here already.
-    pub fn by_colour(&mut self, problem: &Problem<T>) {
-        self.take(problem, || Colours::of_pairs(problem.particles(), &problem.springs.pairs).order);
-    }
-
-    /// Takes over the springs of a problem in the order in which they were made, unless they are here already.
-    pub fn by_creation(&mut self, problem: &Problem<T>) {
-        self.take(problem, || {
-            let ids = &problem.springs.ids;
-            let mut order: Vec<u32> = (0..ids.len() as u32).collect();
-            order.sort_unstable_by_key(|s| ids[*s as usize]);
-            order
-        });
-    }
-
-    fn take(&mut self, problem: &Problem<T>, order: impl FnOnce() -> Vec<u32>) {
-        if self.revision == problem.revision() {
-            return;
-        }
-        let springs = &problem.springs;
-        let stiffness = springs.stiffness_of_each();
-        let order = order();
-        let order = || order.iter().map(|s| *s as usize);
-        self.pairs = order().map(|s| springs.pairs[s]).collect();
-        self.rest = order().map(|s| springs.rest[s]).collect();
-        self.stiffness = order().map(|s| stiffness[s]).collect();
-        self.revision = problem.revision();
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,24 +71,6 @@ mod tests {
     fn star_and_ring(spokes: u32) -> Vec<[u32; 2]> {
         let spokes_of_hub = (1..=spokes).map(|i| [0, i]);
         spokes_of_hub.chain((1..spokes).map(|i| [i, i + 1])).collect()
-    }
-
-    #[test]
-    fn pairs_of_a_colour_share_no_particle() {
-        for spokes in [3, 40, 200] {
-            let pairs = star_and_ring(spokes);
-            let colours = Colours::of_pairs(spokes as usize + 1, &pairs);
-            for group in colours.groups().take(63) {
-                let mut ends: Vec<u32> = group.iter().flat_map(|s| pairs[*s as usize]).collect();
-                let count = ends.len();
-                ends.sort_unstable();
-                ends.dedup();
-                assert_eq!(ends.len(), count);
-            }
-            let mut all = colours.order.clone();
-            all.sort_unstable();
-            assert!(all.into_iter().eq(0..pairs.len() as u32));
-        }
     }
 
     #[test]

@@ -16,6 +16,7 @@ mod newton;
 mod region;
 mod registry;
 mod settings;
+mod sweep;
 
 pub use registry::{Build, Entry, Stepper, find};
 pub use settings::{SimulatorSettings, Value};

@@ -9,16 +9,16 @@
 //!
 //! The order of constraints is part of the method, since each sees what those before it did. Creation: stretch, then
 //! shear, then bend springs; within a kind by lower, then higher particle index. Coloured: groups of springs that do not
-//! touch, so that what a spring sees hangs less on where in the list it stands.
+//! touch, eight at a time, which the processor works on at once: the faster order.
 //!
 //! It solves another model than the springs: stiffness and spring damping are ignored, and how stiff the cloth looks is
 //! a matter of dt and sweeps. Any dt stays bounded. A sweep costs about one force evaluation.
 
-use super::colouring::OrderedSprings;
 use super::inertia::velocities_of_the_way;
+use super::sweep::Sweep;
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
-use crate::math::{Real, Vector};
+use crate::math::Real;
 use crate::model::Particles;
 
 crate::choice! {
@@ -74,8 +74,7 @@ crate::params! {
 pub struct Buffers<T: Real> {
     force: Vec<T::Vec3>,
     start: Vec<T::Vec3>,
-    /// Empty where the springs of the problem stand in the order asked for.
-    ordered: OrderedSprings<T>,
+    sweep: Sweep<T>,
 }
 
 impl Simulator for Verlet {
@@ -94,7 +93,7 @@ impl Simulator for Verlet {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { force, start, ordered } = scratch;
+        let Buffers { force, start, sweep } = scratch;
         force.resize(state.len(), T::Vec3::default());
         problem.external_forces(state, force);
         cost.force_evaluations += 1;
@@ -106,27 +105,23 @@ impl Simulator for Verlet {
             let ratio = if w > T::ZERO { kept.ratio(problem.mass[i]) } else { T::ONE };
             *x += (*v * ratio + force[i] * (w * dt)) * dt;
         }
-        let as_they_stand = self.order == Order::Creation && problem.springs.in_order_of_creation();
-        let (pairs, rest) = if as_they_stand {
-            (&problem.springs.pairs, &problem.springs.rest)
-        } else {
-            match self.order {
-                Order::Creation => ordered.by_creation(problem),
-                Order::Coloured => ordered.by_colour(problem),
+        match self.order {
+            Order::Creation => sweep.by_creation(problem),
+            Order::Coloured => sweep.in_eights(problem),
+        }
+        let free = problem.inverse_mass.iter();
+        match self.correction {
+            Correction::HalfHalf => {
+                let weight = |w: &T| if *w > T::ZERO { T::ONE } else { T::ZERO };
+                sweep.enter(&state.positions, free.map(weight));
             }
-            (&ordered.pairs, &ordered.rest)
-        };
+            Correction::MassWeighted => sweep.enter(&state.positions, free.copied()),
+        }
         for _ in 0..self.sweeps {
-            match self.correction {
-                Correction::HalfHalf => {
-                    relax(pairs, rest, &mut state.positions, |i, j| half_half(&problem.inverse_mass, i, j));
-                }
-                Correction::MassWeighted => {
-                    relax(pairs, rest, &mut state.positions, |i, j| weighted(&problem.inverse_mass, i, j));
-                }
-            }
+            sweep.relax();
             cost.spring_visits += problem.springs.len() as u64;
         }
+        sweep.leave(&mut state.positions);
         velocities_of_the_way(start, state, dt, &problem.inverse_mass);
     }
 
@@ -157,43 +152,5 @@ impl<T: Real> KeptVelocity<'_, T> {
             });
         }
         self.ratio
-    }
-}
-
-/// The part of a correction that each end makes: half, or all of it where the other cannot move.
-fn half_half<T: Real>(inverse_mass: &[T], i: usize, j: usize) -> Option<(T, T)> {
-    let half = T::from_f64(0.5);
-    match [i, j].map(|p| inverse_mass[p] > T::ZERO) {
-        [true, true] => Some((half, half)),
-        [true, false] => Some((T::ONE, T::ZERO)),
-        [false, true] => Some((T::ZERO, T::ONE)),
-        [false, false] => None,
-    }
-}
-
-/// The part of a correction that each end makes, in proportion to 1/m.
-fn weighted<T: Real>(inverse_mass: &[T], i: usize, j: usize) -> Option<(T, T)> {
-    let (wi, wj) = (inverse_mass[i], inverse_mass[j]);
-    let w = wi + wj;
-    (w > T::ZERO).then(|| (wi / w, wj / w))
-}
-
-/// One sweep over all springs; `shares` answers with none where neither end can move.
-fn relax<T: Real>(
-    pairs: &[[u32; 2]],
-    rest: &[T],
-    positions: &mut [T::Vec3],
-    shares: impl Fn(usize, usize) -> Option<(T, T)>,
-) {
-    for (pair, &rest) in pairs.iter().zip(rest) {
-        let [i, j] = pair.map(|p| p as usize);
-        let Some((share_i, share_j)) = shares(i, j) else { continue };
-        let d = positions[j] - positions[i];
-        let length = d.length();
-        if length > T::ZERO {
-            let correction = d * ((length - rest) / length);
-            positions[i] += correction * share_i;
-            positions[j] -= correction * share_j;
-        }
     }
 }

@@ -11,15 +11,15 @@
 //! is the thesis' law, which all other methods have; Along is that of the paper, which damps only changes of length and
 //! so leaves rigid rotation alone.
 //!
-//! Springs are taken colour by colour, so that those of a colour do not touch. Any h stays bounded. An iteration costs
+//! Springs are taken in eights that share no particle. Any h stays bounded. An iteration costs
 //! about one force evaluation. Many substeps of one iteration beat one step of many iterations: choose it for stiff
 //! cloth within a fixed budget, where an explicit method would need a smaller dt than the budget allows.
 
-use super::colouring::OrderedSprings;
 use super::inertia::{Inertia, velocities_of_the_way};
+use super::sweep::{Compliance, Sweep};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
-use crate::math::{Real, Vector};
+use crate::math::Real;
 use crate::model::Particles;
 
 crate::choice! {
@@ -50,9 +50,7 @@ pub struct Buffers<T: Real> {
     inertia: Inertia<T>,
     /// Positions at the start of the substep, m.
     start: Vec<T::Vec3>,
-    springs: OrderedSprings<T>,
-    /// Multipliers of the springs and of their damping.
-    lambdas: Vec<(T, T::Vec3)>,
+    sweep: Sweep<T>,
 }
 
 impl Simulator for Xpbd {
@@ -71,7 +69,7 @@ impl Simulator for Xpbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        scratch.springs.by_colour(problem);
+        scratch.sweep.in_eights(problem);
         let beginning = state.time;
         let substep = dt.to_f64() / f64::from(self.substeps);
         for n in 0..self.substeps {
@@ -96,57 +94,27 @@ impl Xpbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { inertia, start, springs, lambdas } = scratch;
+        let Buffers { inertia, start, sweep } = scratch;
         inertia.begin(problem, state, h);
         cost.force_evaluations += 1;
         start.clone_from(&state.positions);
         for (x, &v) in state.positions.iter_mut().zip(&inertia.velocity) {
             *x += v * h;
         }
-        lambdas.clear();
-        lambdas.resize(springs.pairs.len(), (T::ZERO, T::Vec3::ZERO));
         let damping = h * problem.spring_damping;
         let (along, all) = match self.damping {
             DampingDirection::AllDirections => (T::ZERO, damping),
             DampingDirection::Along => (damping, T::ZERO),
         };
+        let compliance = Compliance { square: h * h, along, all };
+        sweep.enter(&state.positions, inertia.inverse.iter().copied());
+        sweep.begin(start, &compliance);
         for _ in 0..self.iterations {
-            let x = &mut state.positions[..];
-            let constants = springs.rest.iter().zip(&springs.stiffness);
-            for ((pair, lambda), (&rest, &k)) in springs.pairs.iter().zip(&mut *lambdas).zip(constants) {
-                let [i, j] = pair.map(|p| p as usize);
-                let (wi, wj) = (inertia.inverse[i], inertia.inverse[j]);
-                let w = wi + wj;
-                if w <= T::ZERO {
-                    continue;
-                }
-                let mut d = x[j] - x[i];
-                let length = d.length();
-                let mut impulse = T::Vec3::ZERO;
-                if length > T::ZERO {
-                    let n = d * (T::ONE / length);
-                    let stiffness = h * h * k;
-                    let mut wanted = -(stiffness * (length - rest)) - lambda.0;
-                    if along > T::ZERO {
-                        wanted = wanted - along * n.dot(d - (start[j] - start[i]));
-                    }
-                    let change = wanted / ((stiffness + along) * w + T::ONE);
-                    lambda.0 += change;
-                    impulse = n * change;
-                }
-                if all > T::ZERO {
-                    d += impulse * w;
-                    let wanted = -((d - (start[j] - start[i])) * all) - lambda.1;
-                    let change = wanted * (T::ONE / (all * w + T::ONE));
-                    lambda.1 += change;
-                    impulse += change;
-                }
-                x[i] -= impulse * wi;
-                x[j] += impulse * wj;
-            }
+            sweep.comply(&compliance);
         }
+        sweep.leave(&mut state.positions);
         cost.solver_iterations += u64::from(self.iterations);
-        cost.spring_visits += u64::from(self.iterations) * springs.pairs.len() as u64;
+        cost.spring_visits += u64::from(self.iterations) * sweep.len() as u64;
         velocities_of_the_way(start, state, h, &inertia.inverse);
         // Dividing positions by a short h enlarges their rounding, which would let momentum drift.
         inertia.keep_momentum(&mut state.velocities);
