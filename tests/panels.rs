@@ -114,7 +114,7 @@ fn the_method_is_chosen_from_the_registry() {
     window.get_by_label("Simulator params sweeps");
     let ratio = "Simulator params damping ratio";
     assert!(window.query_by_label(ratio).is_none(), "a ratio that the law of damping does not use");
-    choose(&mut window, "Simulator params damping law", "PerStep");
+    choose(&mut window, "Simulator params damping law", "Per step");
     window.get_by_label(ratio);
 }
 
@@ -251,6 +251,7 @@ fn a_bare_mesh_has_the_defaults_and_is_offered_to_be_cotton() {
     type_path(&mut window, Path::new("assets/meshes/cape_mixed.obj"), "Open");
     let plain = scene(&window).clone();
     assert_eq!(plain, Scene { target: plain.target.clone(), ..Scene::default() }, "{}", message(&window));
+    window.run_steps(2);
     click(&mut window, "Make it light cotton");
     assert_eq!(scene(&window).mass, Mass::PerArea(0.2));
     assert!(scene(&window).dt < 0.001);

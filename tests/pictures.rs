@@ -176,7 +176,7 @@ fn no_byte_is_uploaded_twice() {
     assert_eq!(show(4, &world, &torn, &flags), positions);
 
     // Between states two are there, of which the first was shown last; on the way only a number is sent.
-    let mut positions_of = |world: &mut World| {
+    let positions_of = |world: &mut World| {
         let mut positions = Vec::new();
         world.step();
         world.positions_f32(&mut positions);

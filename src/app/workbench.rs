@@ -145,11 +145,12 @@ impl Workbench {
             () => Values::None,
         });
         egui::CentralPanel::no_frame().show(ui, |ui| {
-            panels::banner_ui(ui, &mut self.session);
-            if panels::offer_ui(ui, &mut self.session, self.files.is_making_cotton()) {
+            let viewport = ui.max_rect();
+            self.viewport_ui(ui);
+            panels::banner_ui(ui, viewport, &mut self.session);
+            if panels::offer_ui(ui, viewport, &mut self.session, self.files.is_making_cotton()) {
                 self.files.make_cotton(&self.session);
             }
-            self.viewport_ui(ui);
         });
         self.windows_ui(ui);
         self.title(ui);

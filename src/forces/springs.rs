@@ -13,7 +13,7 @@ crate::params! {
         /// Whether springs of this kind act.
         enabled: bool = true;
         /// Stiffness k: force per elongation.
-        stiffness: f64 = 1000.0, unit "N/m", range 0.0..=1e12, slider log 1.0..=1e6;
+        stiffness: f64 = 1000.0, unit "N/m", range 0.0..=1e12, slider log 0.01..=1e6;
         /// Rest length = length in the imported or generated shape x this.
         rest_scale: f64 = 1.0, range 0.0..=1000.0, slider linear 0.0..=2.0;
     }
@@ -30,7 +30,7 @@ crate::params! {
         /// Straight across every regular vertex.
         bend: Kind = Kind { stiffness: 100.0, ..Kind::default() };
         /// Damping k_d of every spring: F = k_d (v_j - v_i) on i.
-        damping: f64 = 2.0, unit "kg/s", range 0.0..=1e9, slider linear 0.0..=20.0;
+        damping: f64 = 2.0, unit "kg/s", range 0.0..=1e9, slider log 0.0..=100.0;
     }
 }
 

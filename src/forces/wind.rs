@@ -9,7 +9,7 @@ crate::params! {
         /// Whether wind blows.
         enabled: bool = false;
         /// Largest force A on a particle.
-        strength: f64 = 10.0, unit "N", range 0.0..=1e9, slider linear 0.0..=50.0;
+        strength: f64 = 10.0, unit "N", range 0.0..=1e9, slider log 0.0..=100.0;
         /// Gusts per second f.
         frequency: f64 = 0.2, unit "Hz", range 0.0..=1e6, slider linear 0.0..=5.0;
         /// Where the wind blows to; its length does not matter, but must not be zero.

@@ -55,7 +55,7 @@ crate::params! {
         /// The springs by kind.
         springs: SpringParams = SpringParams::default();
         /// Air damping c of every particle: F = -c v.
-        air_damping: f64 = 1.0, unit "kg/s", range 0.0..=1e9, slider linear 0.0..=10.0;
+        air_damping: f64 = 1.0, unit "kg/s", range 0.0..=1e9, slider log 0.0..=100.0;
         /// Gravity.
         gravity: Gravity = Gravity::default();
         /// Wind.

@@ -1,6 +1,6 @@
 //! What is told when a simulation has diverged: where, when, why, and what can be done about it.
 
-use egui::{Color32, Frame, RichText, Ui};
+use egui::{Area, Color32, Frame, Rect, RichText, Ui};
 
 use super::health::three;
 use crate::{
@@ -17,8 +17,22 @@ const SAFE: f64 = 0.9;
 /// How far back the banner offers to go, s.
 const BACK: f64 = 2.0;
 
+/// A bar over the upper edge of the viewport: it takes no room from it, or the picture would jump when it comes and goes.
+fn bar_ui(ui: &Ui, name: &str, viewport: Rect, [dark, light]: [Color32; 2], inside: impl FnOnce(&mut Ui)) {
+    let fill = if ui.visuals().dark_mode { dark } else { light };
+    let area = Area::new(egui::Id::unique(name)).fixed_pos(viewport.min).constrain(false);
+    area.show(ui.ctx(), |ui| {
+        let frame = Frame::new().fill(fill).inner_margin(8);
+        ui.set_width(viewport.width());
+        frame.show(ui, |ui| {
+            ui.set_width(ui.available_width());
+            inside(ui);
+        });
+    });
+}
+
 /// The banner, if a lane has diverged.
-pub fn banner_ui(ui: &mut Ui, session: &mut Session) {
+pub fn banner_ui(ui: &Ui, viewport: Rect, session: &mut Session) {
     let lanes = &session.state().lanes;
     let Some(number) = lanes.iter().position(|lane| lane.health.is_diverged()) else { return };
     let lane = lanes[number].clone();
@@ -26,9 +40,8 @@ pub fn banner_ui(ui: &mut Ui, session: &mut Session) {
     let Health::Diverged { time, particle, .. } = lane.health else { return };
     // The first frame only finds out how high it is, and while nothing moves there would be no other.
     ui.ctx().request_repaint_after(std::time::Duration::from_millis(150));
-    let fill =
-        if ui.visuals().dark_mode { Color32::from_rgb(74, 30, 32) } else { Color32::from_rgb(255, 222, 218) };
-    egui::Panel::top("banner").min_size(92.0).frame(Frame::new().fill(fill).inner_margin(8)).show(ui, |ui| {
+    let fills = [Color32::from_rgb(74, 30, 32), Color32::from_rgb(255, 222, 218)];
+    bar_ui(ui, "banner", viewport, fills, |ui| {
         let whose = only.map_or("Diverged".to_owned(), |lane| format!("Lane {} diverged", lane + 1));
         let text = format!("{whose} at t = {time:.3} s, particle {particle}. Paused at the last good state.");
         ui.label(RichText::new(text).strong());
@@ -62,14 +75,13 @@ pub fn banner_ui(ui: &mut Ui, session: &mut Session) {
 }
 
 /// What a mesh without a scene is taken for, and the offer to make it cloth; true if that is wanted.
-pub fn offer_ui(ui: &mut Ui, session: &mut Session, busy: bool) -> bool {
+pub fn offer_ui(ui: &Ui, viewport: Rect, session: &mut Session, busy: bool) -> bool {
     if session.keeps_defaults || !session.is_bare_mesh() {
         return false;
     }
-    let fill =
-        if ui.visuals().dark_mode { Color32::from_rgb(30, 46, 70) } else { Color32::from_rgb(218, 232, 250) };
+    let fills = [Color32::from_rgb(30, 46, 70), Color32::from_rgb(218, 232, 250)];
     let mut wanted = false;
-    egui::Panel::top("offer").frame(Frame::new().fill(fill).inner_margin(8)).show(ui, |ui| {
+    bar_ui(ui, "offer", viewport, fills, |ui| {
         let text = "This mesh has the mass, springs and dt of the 25 m sheet, as every scene has by default.";
         ui.label(RichText::new(text).strong());
         ui.horizontal_wrapped(|ui| {

@@ -16,6 +16,11 @@ const TOTAL: Color32 = Color32::from_rgb(150, 156, 166);
 const LARGEST: Color32 = Color32::from_rgb(226, 88, 84);
 const MEAN: Color32 = Color32::from_rgb(100, 190, 120);
 
+/// A colour to be read on the panel: darker on a light one.
+fn readable(ui: &Ui, colour: Color32) -> Color32 {
+    if ui.visuals().dark_mode { colour } else { colour.lerp_to_gamma(Color32::BLACK, 0.35) }
+}
+
 /// The panel.
 pub fn health_ui(ui: &mut Ui, session: &Session) {
     let Some(lane) = session.lane_state() else { return };
@@ -24,7 +29,8 @@ pub fn health_ui(ui: &mut Ui, session: &Session) {
     egui::Grid::new("health").num_columns(2).spacing([12.0, 2.0]).show(ui, |ui| {
         let mut row = |name: &str, colour: Option<Color32>, value: String, tip: &str| {
             let text = RichText::new(name);
-            ui.label(colour.map_or(text.clone(), |colour| text.color(colour))).on_hover_text(tip);
+            let text = colour.map_or(text.clone(), |colour| text.color(readable(ui, colour)));
+            ui.label(text).on_hover_text(tip);
             ui.monospace(value);
             ui.end_row();
         };
@@ -53,7 +59,7 @@ pub fn health_ui(ui: &mut Ui, session: &Session) {
             ("Mean strain", MEAN, lane.measures.mean_strain),
         ];
         for (name, colour, strain) in rows {
-            ui.label(RichText::new(name).color(colour)).on_hover_text(tip);
+            ui.label(RichText::new(name).color(readable(ui, colour))).on_hover_text(tip);
             ui.monospace(format!("{:.2} %", 100.0 * strain));
             ui.end_row();
         }

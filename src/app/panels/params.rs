@@ -88,6 +88,7 @@ impl ParamsUi<'_> {
         &mut self,
         info: &'static Info,
         [value, default]: [String; 2],
+        accepted: &str,
         widget: impl FnOnce(&mut Ui, &str) -> (egui::Response, Option<String>),
     ) {
         let key = self.key(info.name);
@@ -112,7 +113,7 @@ impl ParamsUi<'_> {
                     ui.add(egui::Label::new(text).truncate())
                 },
             );
-            let tip = tooltip(info, &key, &default);
+            let tip = tooltip(info, accepted, &key, &default);
             label.inner.on_hover_text(&tip);
             let (response, new) = widget(ui, &name);
             ended = response.drag_stopped()
@@ -137,6 +138,20 @@ impl ParamsUi<'_> {
     }
 }
 
+/// `MassWeighted` becomes `Mass weighted`.
+fn spaced(name: &str) -> String {
+    let mut words = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !words.is_empty() {
+            words.push(' ');
+            words.extend(letter.to_lowercase());
+        } else {
+            words.push(letter);
+        }
+    }
+    words
+}
+
 /// `springs.stretch.stiffness` becomes `Springs stretch stiffness`: what a screen reader and a test call it.
 pub fn accessible_name(key: &str) -> String {
     let mut name = key.replace(['.', '_'], " ");
@@ -146,9 +161,8 @@ pub fn accessible_name(key: &str) -> String {
     name
 }
 
-fn tooltip(info: &Info, key: &str, default: &str) -> String {
-    let range = info.accepted();
-    format!("{}\n\nAccepted: {range}\nDefault: {default}\nKey: {key}", info.doc.trim())
+fn tooltip(info: &Info, accepted: &str, key: &str, default: &str) -> String {
+    format!("{}\n\nAccepted: {accepted}\nDefault: {default}\nKey: {key}", info.doc.trim())
 }
 
 fn number_slider(ui: &mut Ui, info: &Info, value: &mut f64, name: &str, integer: bool) -> egui::Response {
@@ -178,7 +192,7 @@ fn number_slider(ui: &mut Ui, info: &Info, value: &mut f64, name: &str, integer:
 impl Visitor for ParamsUi<'_> {
     fn number(&mut self, info: &'static Info, value: &mut f64, default: f64) {
         let texts = [ron(*value), ron(default)];
-        self.row(info, texts, |ui, name| {
+        self.row(info, texts, &info.accepted(), |ui, name| {
             let mut new = *value;
             let response = number_slider(ui, info, &mut new, name, false);
             (response, (new != *value).then(|| ron(new)))
@@ -187,7 +201,7 @@ impl Visitor for ParamsUi<'_> {
 
     fn count(&mut self, info: &'static Info, value: &mut u32, default: u32) {
         let texts = [value.to_string(), default.to_string()];
-        self.row(info, texts, |ui, name| {
+        self.row(info, texts, &info.accepted(), |ui, name| {
             let mut new = f64::from(*value);
             let response = number_slider(ui, info, &mut new, name, true);
             let new = new.round().clamp(0.0, f64::from(u32::MAX)) as u32;
@@ -197,13 +211,17 @@ impl Visitor for ParamsUi<'_> {
 
     fn switch(&mut self, info: &'static Info, value: &mut bool, default: bool) {
         let texts = [value.to_string(), default.to_string()];
-        self.row(info, texts, |ui, name| {
+        self.row(info, texts, "on, off", |ui, name| {
             let mut new = *value;
             let response = ui.checkbox(&mut new, "");
             response.widget_info(|| WidgetInfo::selected(egui::Role::CheckBox, true, new, name));
+            if response.clicked() && new {
+                let below = response.rect.translate(egui::vec2(0.0, 90.0));
+                ui.scroll_to_rect(response.rect.union(below), None);
+            }
             (response, (new != *value).then(|| new.to_string()))
         });
-        // What is switched off hides what it would use.
+        // What is switched off hides what it would use; switched on, it may open below the panel's edge.
         if info.name == "enabled" && !*value {
             self.hidden = true;
         }
@@ -218,11 +236,12 @@ impl Visitor for ParamsUi<'_> {
     ) {
         self.chosen.push((info.name, names[*value]));
         let texts = [names[*value].to_owned(), names[default].to_owned()];
-        self.row(info, texts, |ui, name| {
+        self.row(info, texts, &names.join(", "), |ui, name| {
             let mut new = *value;
-            let combo = egui::ComboBox::from_id_salt(name).selected_text(names[*value]).show_ui(ui, |ui| {
+            let combo = egui::ComboBox::from_id_salt(name).selected_text(spaced(names[*value]));
+            let combo = combo.show_ui(ui, |ui| {
                 for (i, choice) in names.iter().enumerate() {
-                    ui.selectable_value(&mut new, i, *choice);
+                    ui.selectable_value(&mut new, i, spaced(choice));
                 }
             });
             combo.response.widget_info(|| WidgetInfo::labeled(egui::Role::ComboBox, true, name));
@@ -233,7 +252,7 @@ impl Visitor for ParamsUi<'_> {
     fn vector(&mut self, info: &'static Info, value: &mut DVec3, default: DVec3) {
         let text = |v: DVec3| format!("({}, {}, {})", ron(v.x), ron(v.y), ron(v.z));
         let texts = [text(*value), text(default)];
-        self.row(info, texts, |ui, name| {
+        self.row(info, texts, &info.accepted(), |ui, name| {
             let mut new = *value;
             let response = ui
                 .horizontal(|ui| {

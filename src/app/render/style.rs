@@ -155,7 +155,7 @@ impl Ramp {
 }
 
 /// Stops of the sequential ramp from 0 to 1.
-const DISTANCE_RAMP: [Colour; 4] = [[38, 30, 76], [130, 40, 120], [226, 92, 84], [252, 232, 150]];
+const DISTANCE_RAMP: [Colour; 4] = [[86, 84, 150], [150, 62, 150], [230, 98, 88], [252, 232, 150]];
 
 /// Stops of the diverging ramp from compressed through unstrained to stretched; the legend and the shaders both read it.
 pub const STRAIN_RAMP: [Colour; 7] = [

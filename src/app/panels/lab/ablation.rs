@@ -2,7 +2,7 @@
 
 use egui::{DragValue, RichText, Ui, WidgetInfo};
 
-use super::{Finding, Freshness, Lab, freshness_ui, nothing_ui};
+use super::{Finding, Freshness, Lab, freshness_ui};
 use crate::{
     app::{panels::health::three, session::Session},
     lab::{
@@ -65,12 +65,7 @@ fn change(row: &Row) -> String {
 pub fn ui(ui: &mut Ui, lab: &mut Lab, session: &mut Session) {
     let is_busy = lab.is_busy();
     let Some(finding) = &lab.ablation.finding else {
-        let text = if is_busy {
-            "The whole scene first, then the same without each ingredient."
-        } else {
-            "Measure: what each spring kind, force, damping, precision and sweep changes, and what it costs."
-        };
-        return nothing_ui(ui, text);
+        return lab.nothing_ui(ui, ["The whole scene first, then the same without each ingredient.", "Measure: what each spring kind, force, damping, precision and sweep changes, and what it costs."]);
     };
     let freshness = finding.subject.freshness(session.scene(), |_| {});
     let mut applies = false;

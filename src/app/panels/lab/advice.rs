@@ -3,8 +3,7 @@
 use egui::{DragValue, RichText, Ui, WidgetInfo};
 
 use super::{
-    Finding, Freshness, Lab, controls::tolerance_ui, freshness_ui, nothing_ui, use_settings,
-    without_settings, words,
+    Finding, Freshness, Lab, controls::tolerance_ui, freshness_ui, use_settings, without_settings, words,
 };
 use crate::{
     app::{panels::health::three, session::Session},
@@ -49,12 +48,7 @@ pub fn controls_ui(ui: &mut Ui, view: &mut View, tolerance: &mut f64) {
 pub fn ui(ui: &mut Ui, lab: &mut Lab, session: &mut Session) {
     let is_busy = lab.is_busy();
     let Some(finding) = &lab.advice.finding else {
-        let text = if is_busy {
-            "The converged solution first, then each method's longest step that will do."
-        } else {
-            "Search: the cheapest settings that keep the tolerance, or the most accurate within a budget."
-        };
-        return nothing_ui(ui, text);
+        return lab.nothing_ui(ui, ["The converged solution first, then each method's longest step that will do.", "Search: the cheapest settings that keep the tolerance, or the most accurate within a budget."]);
     };
     let freshness = finding.subject.freshness(session.scene(), without_settings);
     let mut used = None;

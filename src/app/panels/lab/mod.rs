@@ -177,6 +177,27 @@ impl Lab {
         self.waiting.is_some() || self.study.is_some()
     }
 
+    /// The question that is being answered.
+    fn answered(&self) -> Option<Tab> {
+        let waiting = self.waiting.as_ref().map(|(.., question)| question);
+        waiting.or(self.study.as_ref().map(|study| &study.question)).map(|question| match question {
+            Question::Trade(_) => Tab::Trade,
+            Question::Stability(_) => Tab::Stability,
+            Question::Ablation(_) => Tab::Ablation,
+            Question::Advice(_) => Tab::Advice,
+        })
+    }
+
+    /// What is shown where nothing was found yet: what comes first, or what could be asked.
+    fn nothing_ui(&self, ui: &mut Ui, [first, offer]: [&str; 2]) {
+        let text = match self.answered() {
+            Some(tab) if tab == self.tab => first.to_owned(),
+            Some(tab) => format!("{tab:?} is being answered: one question at a time."),
+            None => offer.to_owned(),
+        };
+        ui.centered_and_justified(|ui| ui.label(RichText::new(text).weak()));
+    }
+
     /// Shows a question.
     pub fn show(&mut self, tab: Tab) {
         (self.is_open, self.tab) = (true, tab);
@@ -345,11 +366,6 @@ fn freshness_ui(ui: &mut Ui, freshness: Freshness, is_whole: bool, is_busy: bool
         Freshness::Elsewhere => "These are figures of another scene than the one that is open.",
     };
     ui.label(RichText::new(text).color(warning(ui)));
-}
-
-/// What is shown where nothing was found yet.
-fn nothing_ui(ui: &mut Ui, text: &str) {
-    ui.centered_and_justified(|ui| ui.label(RichText::new(text).weak()));
 }
 
 /// Makes the scene's method, precision and dt those of a trial: one edit that can be taken back.

@@ -7,7 +7,6 @@ use egui_plot::{Line, LineStyle, MarkerShape, PlotPoints, Polygon};
 use super::{
     Finding, Freshness, Lab, freshness_ui,
     marks::{Look, legend_line_ui, legend_mark_ui, mark_ui, now_ui},
-    nothing_ui,
     plane::{log_log, zone_colour, zone_name},
 };
 use crate::{
@@ -105,12 +104,7 @@ pub fn controls_ui(ui: &mut Ui, view: &mut View, session: &Session) {
 pub fn ui(ui: &mut Ui, lab: &mut Lab, session: &mut Session) {
     let is_busy = lab.is_busy();
     let Some(finding) = &lab.stability.finding else {
-        let text = if is_busy {
-            "Limits first, then the map: its boundaries are found by bisection."
-        } else {
-            "Measure: what becomes of this scene at other steps and stiffnesses, and what theory says of it."
-        };
-        return nothing_ui(ui, text);
+        return lab.nothing_ui(ui, ["Limits first, then the map: its boundaries are found by bisection.", "Measure: what becomes of this scene at other steps and stiffnesses, and what theory says of it."]);
     };
     let axis = axis_of(&finding.table);
     let freshness = finding.subject.freshness(session.scene(), |scene| {

@@ -9,7 +9,6 @@ use egui_plot::{HLine, Line, LineStyle, MarkerShape, PlotPoints};
 use super::{
     Finding, Freshness, Lab, freshness_ui,
     marks::{Look, legend_line_ui, legend_mark_ui, mark_ui, now_ui},
-    nothing_ui,
     plane::{colour_of, log_log, zone_name},
     use_settings, without_settings, words,
 };
@@ -145,12 +144,7 @@ pub fn controls_ui(ui: &mut Ui, view: &mut View) {
 pub fn ui(ui: &mut Ui, lab: &mut Lab, session: &mut Session) {
     let is_busy = lab.is_busy();
     let Some(finding) = &lab.trade.finding else {
-        let text = if is_busy {
-            "The converged solution comes first: every error is measured against it."
-        } else {
-            "Measure: every method, with several steps, sweeps and precisions, against a converged solution of this scene."
-        };
-        return nothing_ui(ui, text);
+        return lab.nothing_ui(ui, ["The converged solution comes first: every error is measured against it.", "Measure: every method, with several steps, sweeps and precisions, against a converged solution of this scene."]);
     };
     let freshness = finding.subject.freshness(session.scene(), without_settings);
     let current = Settings::of(session.scene());
