@@ -435,8 +435,8 @@ impl Engine {
     }
 
     /// The commands that a lane has taken, with their steps.
-    pub fn log(&self, lane: usize) -> &[Entry] {
-        self.lanes.get(lane).map_or(&[], |lane| lane.world.log())
+    pub fn log(&self, lane: usize) -> Vec<Entry> {
+        self.lanes.get(lane).map_or(Vec::new(), |lane| lane.world.log())
     }
 }
 
