@@ -5,6 +5,9 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+/// How the names of files begin that are not whole yet.
+pub const UNFINISHED: &str = ".tenter-";
+
 /// A file to be: it is written beside its place and renamed into it when whole. Dropped before that, it leaves nothing.
 pub struct Pending {
     file: tempfile::NamedTempFile,
@@ -25,7 +28,7 @@ impl Pending {
         let mut builder = tempfile::Builder::new();
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.prefix(".tenter-").tempfile_in(folder).map_err(failed)?;
+        let file = builder.prefix(UNFINISHED).tempfile_in(folder).map_err(failed)?;
         Ok(Self { file, path: path.to_owned() })
     }
 

@@ -27,9 +27,14 @@ impl Log {
 
     /// The entries, the oldest first.
     pub fn to_vec(&self) -> Vec<Entry> {
-        let mut entries = Vec::with_capacity(self.len());
+        self.since(0)
+    }
+
+    /// The same without the first `count`.
+    pub fn since(&self, count: usize) -> Vec<Entry> {
+        let mut entries = Vec::new();
         let mut next = &self.0;
-        while let Some(node) = next {
+        while let Some(node) = next.as_ref().filter(|node| node.count > count) {
             entries.push(node.entry.clone());
             next = &node.before.0;
         }
@@ -74,6 +79,7 @@ mod tests {
         let steps = |log: &Log| log.to_vec().iter().map(|entry| entry.step).collect::<Vec<_>>();
         assert_eq!((steps(&one), steps(&other)), (vec![0, 1, 2, 7], vec![0, 1, 2, 8]));
         assert_eq!((one.len(), Log::default().len()), (4, 0));
+        assert_eq!((one.since(3), one.since(9)), (vec![entry(7)], Vec::new()));
     }
 
     #[test]

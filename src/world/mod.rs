@@ -112,6 +112,16 @@ impl Snapshot {
     pub fn step(&self) -> u64 {
         self.step
     }
+
+    /// Commands logged until then.
+    pub fn logged(&self) -> usize {
+        self.log.len()
+    }
+
+    /// These, but for the first `count`.
+    pub fn commands_since(&self, count: usize) -> Vec<Entry> {
+        self.log.since(count)
+    }
 }
 
 impl World {

@@ -5,10 +5,10 @@
 //! before, as integers of the same bits, and of all these distances the first bytes are put side by side, then the second, and
 //! so on: runs of like bytes, which LZ4 finds.
 
-use super::{AnyState, Snapshot};
+use super::{AnyState, Entry, Snapshot};
 use crate::math::Real;
-use crate::model::Particles;
-use crate::scene::{Refusal, Scene};
+use crate::model::{Memory, Particles};
+use crate::scene::Refusal;
 
 /// A snapshot that takes less memory.
 #[derive(Clone)]
@@ -29,11 +29,13 @@ pub(super) struct Counts {
 
 impl Packed {
     /// Packs a snapshot.
-    pub fn new(mut snapshot: Snapshot) -> Self {
-        let (numbers, counts) = take_numbers(&mut snapshot);
-        let mut plain = split(&numbers, width(&snapshot.state));
-        plain.extend(std::mem::take(&mut snapshot.pinned).into_iter().map(u8::from));
-        Self { rest: snapshot, counts, bytes: lz4_flex::block::compress(&plain) }
+    pub fn new(snapshot: &Snapshot) -> Self {
+        let (mut plain, counts) = match &snapshot.state {
+            AnyState::Single(s) => split_all(s),
+            AnyState::Double(s) => split_all(s),
+        };
+        plain.extend(snapshot.pinned.iter().map(|pinned| u8::from(*pinned)));
+        Self { rest: snapshot.hollow(), counts, bytes: lz4_flex::block::compress(&plain) }
     }
 
     /// The snapshot.
@@ -64,10 +66,55 @@ impl Packed {
         size_of::<Self>() + self.bytes.len() + torn * size_of::<u32>() + size_of_val(&self.rest.hands[..])
     }
 
-    /// The scene at that moment.
-    pub fn scene(&self) -> &Scene {
-        self.rest.scene()
+    /// The commands that were logged until then, but for the first `count`.
+    pub fn commands_since(&self, count: usize) -> Vec<Entry> {
+        self.rest.commands_since(count)
     }
+}
+
+impl Snapshot {
+    /// Memory that it takes, bytes; what it shares with others is not counted.
+    pub fn size(&self) -> usize {
+        let Counts { particles, vectors } = match &self.state {
+            AnyState::Single(s) => counts(s),
+            AnyState::Double(s) => counts(s),
+        };
+        size_of::<Self>() + 3 * width(&self.state) * (2 * particles + vectors) + self.pinned.len()
+    }
+
+    /// The same without what is pressed.
+    fn hollow(&self) -> Self {
+        fn without<T: Real>(state: &Particles<T>) -> Particles<T> {
+            Particles {
+                time: state.time,
+                positions: Vec::new(),
+                velocities: Vec::new(),
+                broken: state.broken.clone(),
+                memory: Memory { vectors: Vec::new(), numbers: state.memory.numbers.clone() },
+            }
+        }
+        let state = match &self.state {
+            AnyState::Single(s) => AnyState::Single(without(s)),
+            AnyState::Double(s) => AnyState::Double(without(s)),
+        };
+        Self {
+            scene: self.scene.clone(),
+            shape: self.shape.clone(),
+            report: self.report.clone(),
+            pinned: Vec::new(),
+            hands: self.hands.clone(),
+            state,
+            step: self.step,
+            anchor: self.anchor,
+            cost: self.cost,
+            ledger: self.ledger,
+            log: self.log.clone(),
+        }
+    }
+}
+
+fn counts<T: Real>(state: &Particles<T>) -> Counts {
+    Counts { particles: state.positions.len(), vectors: state.memory.vectors.len() }
 }
 
 /// Bytes of a number.
@@ -78,22 +125,14 @@ fn width(state: &AnyState) -> usize {
     }
 }
 
-/// Takes positions, velocities and what the method remembers out of a snapshot, as bytes.
-fn take_numbers(snapshot: &mut Snapshot) -> (Vec<u8>, Counts) {
-    fn take<T: Real<Vec3: bytemuck::NoUninit>>(state: &mut Particles<T>) -> (Vec<u8>, Counts) {
-        let counts = Counts { particles: state.positions.len(), vectors: state.memory.vectors.len() };
-        let lists = [&mut state.positions, &mut state.velocities, &mut state.memory.vectors];
-        let lists = lists.map(std::mem::take);
-        let bytes: Vec<&[u8]> = lists.iter().map(|list| bytemuck::cast_slice(list)).collect();
-        (bytes.concat(), counts)
-    }
-    match &mut snapshot.state {
-        AnyState::Single(s) => take(s),
-        AnyState::Double(s) => take(s),
-    }
+/// Positions, velocities and what the method remembers, pressed.
+fn split_all<T: Real<Vec3: bytemuck::NoUninit>>(state: &Particles<T>) -> (Vec<u8>, Counts) {
+    let lists = [&state.positions, &state.velocities, &state.memory.vectors];
+    let bytes = lists.map(|list| bytemuck::cast_slice::<_, u8>(list)).concat();
+    (split(&bytes, size_of::<T>()), counts(state))
 }
 
-/// Puts them back.
+/// Puts these into a state.
 fn put_numbers(snapshot: &mut Snapshot, bytes: &[u8], counts: Counts) {
     fn put<T: Real<Vec3: bytemuck::AnyBitPattern>>(state: &mut Particles<T>, bytes: &[u8], counts: Counts) {
         let Counts { particles, vectors } = counts;
@@ -158,7 +197,7 @@ fn unfold(folded: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Place;
+    use crate::scene::{Place, Scene};
     use crate::world::{Command, World};
     use proptest::prelude::*;
 
@@ -182,7 +221,7 @@ mod tests {
             world.apply(Command::Pull { particles: vec![312], stiffness: 50.0 }).unwrap();
             (0..100).for_each(|_| world.step());
             let snapshot = world.snapshot();
-            let packed = Packed::new(snapshot.clone());
+            let packed = Packed::new(&snapshot);
             let back = packed.unpack().unwrap();
             assert_eq!(back.state, snapshot.state);
             assert_eq!((&back.pinned, &back.hands), (&snapshot.pinned, &snapshot.hands));
@@ -197,7 +236,7 @@ mod tests {
     #[test]
     fn a_damaged_state_is_refused() {
         let world = World::new(Scene::default(), Place::default()).unwrap();
-        let mut packed = Packed::new(world.snapshot());
+        let mut packed = Packed::new(&world.snapshot());
         packed.bytes.truncate(packed.bytes.len() / 2);
         assert!(packed.unpack().is_err());
         packed.bytes = lz4_flex::block::compress(&[0; 10]);

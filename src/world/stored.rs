@@ -60,6 +60,11 @@ impl From<Packed> for Stored {
 }
 
 impl Stored {
+    /// The scene as it was then.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
     /// The snapshot again; its mesh is looked for in `place`.
     ///
     /// # Errors
@@ -165,7 +170,7 @@ mod tests {
     fn a_simulation_goes_on_from_text_as_if_nothing_had_been() {
         let mut world = world();
         assert!(!world.broken().is_empty());
-        let text = to_ron(&Stored::from(Packed::new(world.snapshot()))).unwrap();
+        let text = to_ron(&Stored::from(Packed::new(&world.snapshot()))).unwrap();
         let read: Stored = ron::from_str(&text).unwrap();
         let mut again = World::resume(&read.snapshot(&Place::default()).unwrap(), Place::default()).unwrap();
         assert_eq!((again.digest(), again.log()), (world.digest(), world.log()));
@@ -182,7 +187,7 @@ mod tests {
 
     #[test]
     fn what_is_damaged_is_refused_in_a_line() {
-        let good = Stored::from(Packed::new(world().snapshot()));
+        let good = Stored::from(Packed::new(&world().snapshot()));
         assert!(good.clone().snapshot(&Place::default()).is_ok());
         let state = good.state.clone();
         let spoilt: [fn(&mut Stored); 9] = [
