@@ -138,7 +138,7 @@ impl Engine {
         match order {
             Order::Open(setups) => self.open(setups)?,
             Order::AddLane { from, at, title, settings, back } => {
-                self.add_lane(from, at, title, settings, back)?;
+                self.add_lane(from, at, title, &settings, back)?;
             }
             Order::RemoveLane { lane, number } => self.remove_lane(lane, number),
             Order::Apply(lane, command) => self.apply(lane, &command)?,

@@ -186,8 +186,8 @@ fn join(planes: &[u8], width: usize) -> Vec<u8> {
 fn fold(apart: u64, width: usize) -> u64 {
     let shift = 64 - 8 * width as u32;
     // The sign of a narrow number is moved to where that of a wide one is.
-    let apart = ((apart << shift) as i64) >> shift;
-    ((apart << 1) ^ (apart >> 63)) as u64
+    let apart = (apart << shift).cast_signed() >> shift;
+    ((apart << 1) ^ (apart >> 63)).cast_unsigned()
 }
 
 fn unfold(folded: u64) -> u64 {

@@ -19,7 +19,7 @@ impl Engine {
         from: usize,
         at: usize,
         title: String,
-        settings: Vec<(String, String)>,
+        settings: &[(String, String)],
         back: Option<u64>,
     ) -> Result<(), Refusal> {
         let at = at.min(self.lanes.len());
@@ -29,10 +29,10 @@ impl Engine {
             self.timeline.clear();
             self.has_jumped();
         } else if let Some(lane) = self.lanes.get(from) {
-            let lane = lane.branch(title, settings.clone(), self.threads)?;
+            let lane = lane.branch(title, settings.to_vec(), self.threads)?;
             self.keep();
             self.lanes.insert(at, lane);
-            self.timeline.add_lane(from, at, &settings);
+            self.timeline.add_lane(from, at, settings);
             self.timeline.jump();
             self.keep();
         }

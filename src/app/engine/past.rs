@@ -5,7 +5,7 @@ use std::{collections::VecDeque, sync::Arc};
 use super::{Engine, Lane, LaneSetup, Origin};
 use crate::{
     scene::{Refusal, Scene},
-    world::{Command, Recording, Script},
+    world::{Command, Entry, Recording, Script},
 };
 
 impl Engine {
@@ -51,20 +51,8 @@ impl Engine {
             logs.push(VecDeque::from(stand.commands));
             settings.push(stand.settings);
         }
-        while way.leads_on {
-            for (lane, log) in self.lanes.iter_mut().zip(&mut logs) {
-                lane.repeat_commands(log);
-            }
-            let beat = self.beat_time();
-            // Rounding does not decide whether a moment is reached.
-            if !(beat > 0.0 && at + beat <= to + 1e-6 * beat) {
-                break;
-            }
-            at += beat;
-            self.time += beat;
-            for (lane, log) in self.lanes.iter_mut().zip(&mut logs) {
-                lane.repeat_to(self.time, log);
-            }
+        if way.leads_on {
+            at = self.repeat(at, to, &mut logs);
         }
         for (lane, settings) in self.lanes.iter_mut().zip(settings) {
             // Accepted once, they are accepted again.
@@ -72,6 +60,25 @@ impl Engine {
         }
         self.timeline.show(at);
         self.start_anew();
+    }
+
+    /// Takes the beats from one place to another once more, with the commands that were logged; the place that is reached.
+    fn repeat(&mut self, mut at: f64, to: f64, logs: &mut [VecDeque<Entry>]) -> f64 {
+        loop {
+            for (lane, log) in self.lanes.iter_mut().zip(&mut *logs) {
+                lane.repeat_commands(log);
+            }
+            let beat = self.beat_time();
+            // Rounding does not decide whether a moment is reached.
+            if !(beat > 0.0 && at + beat <= to + 1e-6 * beat) {
+                return at;
+            }
+            at += beat;
+            self.time += beat;
+            for (lane, log) in self.lanes.iter_mut().zip(&mut *logs) {
+                lane.repeat_to(self.time, log);
+            }
+        }
     }
 
     /// Plays all lanes again from their starts, with what was done to each.

@@ -39,7 +39,7 @@ struct State {
 
 enum Form {
     Plain(Arc<Snapshot>),
-    Packed(Packed),
+    Packed(Box<Packed>),
 }
 
 /// A lane in a frame.
@@ -233,8 +233,8 @@ impl Timeline {
     /// What dropping a state loses: the gap that it leaves, as a part of its age; none where it cannot be done without.
     fn loss(&self, i: usize) -> Option<f64> {
         let [before, own, after] = [i - 1, i, i + 1].map(|i| &self.frames[i]);
-        let is_between = own.continues && after.continues && after.work - before.work <= FARTHEST;
-        let (gap, age) = (after.work - before.work, self.work.saturating_sub(own.work) + APART);
+        let (gap, age) = (after.work.saturating_sub(before.work), self.work.saturating_sub(own.work) + APART);
+        let is_between = own.continues && after.continues && gap <= FARTHEST;
         is_between.then(|| gap.as_secs_f64() / age.as_secs_f64())
     }
 
@@ -276,7 +276,7 @@ impl State {
         // Nobody waits meanwhile.
         let packed = Packed::new(&plain);
         self.size.store(packed.size(), Ordering::Relaxed);
-        *self.form() = Form::Packed(packed);
+        *self.form() = Form::Packed(Box::new(packed));
     }
 }
 
