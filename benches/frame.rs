@@ -4,7 +4,7 @@
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use std::time::{Duration, Instant};
 use tenter::app::{
-    engine::{Engine, LaneSetup, Order},
+    engine::{Engine, LaneSetup, Order, Origin},
     gpu::{Attachments, Gpu, PICTURE_FORMAT, Picture},
     session::{Link, Session},
     shell::{Canvas, Content, Stage},
@@ -31,11 +31,16 @@ impl Frames {
             target: Target::Grid(GridTarget { columns: n, rows: n, ..GridTarget::default() }),
             ..Scene::default()
         };
-        let setups =
-            vec![LaneSetup { title: "sheet".to_owned(), scene, place: Place::default(), file: None }];
+        let setups = vec![LaneSetup {
+            title: "sheet".to_owned(),
+            scene,
+            place: Place::default(),
+            file: None,
+            origin: Origin::Start,
+        }];
         let mut engine = Engine::new(setups.clone()).expect("a sheet");
         let state = engine.state();
-        let simulation = Simulation::start(engine, || {}).expect("a thread");
+        let simulation = Simulation::start(engine, None, || {}).expect("a thread");
         let mut workbench = Workbench::new(Session::new(Link::Thread(simulation), state, setups));
         let egui = egui::Context::default();
         workbench.attach(&Stage { gpu: &gpu, format: PICTURE_FORMAT, samples: SAMPLES, egui: &egui });

@@ -294,6 +294,39 @@ fn a_recording_replays_to_the_same_bits_and_a_forged_one_does_not_pass() {
 }
 
 #[test]
+fn the_same_hands_on_another_cloth_tell_how_far_it_ends_from_the_recorded_one() {
+    let dir = folder();
+    let run = ["run", "flag", "--steps", "200", "--record", "log.ron", "--json"];
+    let first = json(&tenter(dir.path(), &run));
+    let replay = |set: &[&str]| {
+        let set: Vec<&str> = set.iter().flat_map(|set| ["--set", *set]).collect();
+        json(&tenter(dir.path(), &[&["replay", "log.ron", "--json"], &set[..]].concat()))
+    };
+    let near = |result: &serde_json::Value| {
+        let [a, b] = [result, &first].map(|result| result["time"].as_f64().expect("a time"));
+        // Rounded sums of steps.
+        (a - b).abs() < 1e-9
+    };
+    let other = replay(&["simulator.id=rk4", "precision=Single"]);
+    assert_eq!((&other["simulator"], &other["steps"]), (&"rk4".into(), &200.into()));
+    let [rms, most] = ["rms", "max"].map(|what| other["difference"][what].as_f64().expect("a distance"));
+    assert!(rms > 0.0 && most >= rms && near(&other), "{other}");
+    assert_eq!(other["difference"]["energy"], first["energy"]);
+    let dt = first["dt"].as_f64().expect("a dt");
+    let finer = replay(&[&format!("dt={}", dt / 4.0)]);
+    assert_eq!(finer["steps"], 800);
+    assert!(near(&finer) && finer["difference"]["max"].as_f64().is_some_and(|most| most > 0.0));
+    // The same settings are the same cloth, to the bit.
+    let same = replay(&[&format!("dt={dt}")]);
+    assert_eq!((&same["difference"]["max"], &same["energy"]), (&0.0.into(), &first["energy"]));
+    let smaller = tenter(dir.path(), &["replay", "log.ron", "--set", "target.columns=9"]);
+    assert_eq!(smaller.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&smaller.stdout).contains("not compared bit for bit"));
+    assert!(String::from_utf8_lossy(&smaller.stderr).contains("no distances"));
+    assert!(refused(&tenter(dir.path(), &["replay", "log.ron", "--set", "dt=0"])).contains("dt is 0"));
+}
+
+#[test]
 fn a_recording_finds_its_mesh_from_its_own_folder() {
     let dir = folder();
     std::fs::create_dir(dir.path().join("meshes")).expect("made");

@@ -394,7 +394,7 @@ fn a_snapshot_brings_back_every_bit_of_the_future() {
             (world.digest(), world.cost(), world.time(), world.steps(), world.broken().to_vec())
         };
         let first = future(&mut world);
-        let log = world.log().to_vec();
+        let log = world.log();
         // What happens in between is forgotten, settings and a target of another size included.
         set(&mut world, "precision", "Single");
         set(&mut world, "target.rows", 3);

@@ -8,7 +8,7 @@ use egui_kittest::{
     kittest::{NodeT, Queryable},
 };
 use tenter::app::{
-    engine::{Engine, LaneSetup, Order},
+    engine::{Engine, LaneSetup, Order, Origin},
     session::{Link, Session},
     workbench::Workbench,
 };
@@ -24,7 +24,13 @@ const SMALL: &str = "(target: Grid(columns: 4, rows: 4, spacing: 0.25, plane: Ho
 /// A workbench on a scene, whose engine runs only when told to.
 fn open(ron: &str) -> Window {
     let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None }];
+    let setups = vec![LaneSetup {
+        title: "test".to_owned(),
+        scene,
+        place: Place::default(),
+        file: None,
+        origin: Origin::Start,
+    }];
     let mut engine = Engine::new(setups.clone()).expect("opens");
     let state = engine.state();
     let session = Session::new(Link::Here(Box::new(engine)), state, setups);

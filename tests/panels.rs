@@ -5,18 +5,27 @@ use std::path::Path;
 use egui::{Key, Modifiers, Role};
 use egui_kittest::{Harness, kittest::Queryable};
 use tenter::app::{
-    engine::{Engine, LaneSetup, LaneState, Order},
+    engine::{Engine, LaneSetup, LaneState, Order, Origin},
     session::{Link, Session},
     workbench::Workbench,
 };
 use tenter::scene::{Mass, Place, Plane, Scene, Target};
+
+#[path = "panels/recordings.rs"]
+mod recordings;
 
 type Window = Harness<'static, Workbench>;
 
 /// A workbench on a scene, whose engine runs only when told to.
 fn open(ron: &str) -> Window {
     let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None }];
+    let setups = vec![LaneSetup {
+        title: "test".to_owned(),
+        scene,
+        place: Place::default(),
+        file: None,
+        origin: Origin::Start,
+    }];
     let mut engine = Engine::new(setups.clone()).expect("opens");
     let state = engine.state();
     let session = Session::new(Link::Here(Box::new(engine)), state, setups);

@@ -5,18 +5,26 @@
 
 mod grips;
 mod kept;
+mod lanes;
 mod pace;
+mod past;
+mod timeline;
 
 use std::{
-    path::Path,
+    path::{Path, PathBuf},
     sync::Arc,
     time::{Duration, Instant},
 };
 
 use glam::DVec3;
 
-use super::lane::Lane;
-pub use super::order::{LaneSetup, LaneState, Limit, Moment, Order, State, Studied, Values};
+pub use super::order::{
+    LaneSetup, LaneState, Limit, Moment, Order, Origin, Remembered, State, Studied, Values,
+};
+use super::{
+    autosave::{Draft, DraftLane},
+    lane::Lane,
+};
 use crate::{
     scene::{Pending, Place, Refusal},
     world::{Clock, Command, Entry, Recording},
@@ -24,6 +32,7 @@ use crate::{
 use grips::Grips;
 use kept::Memory;
 use pace::Pace;
+use timeline::Timeline;
 
 /// Longest time that orders wait while steps are taken.
 const PATIENCE: Duration = Duration::from_millis(12);
@@ -31,9 +40,6 @@ const PATIENCE: Duration = Duration::from_millis(12);
 const MEASURING_SHARE: f64 = 0.1;
 const LIMIT_SHARE: f64 = 0.02;
 const FIRST_LIMIT_SHARE: f64 = 0.25;
-/// States remembered for going back, and the particles of all of them: memory, not time, is the limit.
-const REMEMBERED: usize = 40;
-const REMEMBERED_PARTICLES: usize = 4_000_000;
 /// A picture's time: steps longer than this are blended.
 const PICTURE: Duration = Duration::from_millis(12);
 /// Runs the lanes.
@@ -58,11 +64,18 @@ pub struct Engine {
     stale: bool,
     at: Instant,
     memory: Memory,
+    timeline: Timeline,
     grips: Grips,
     /// Threads that each lane steps on, where the user has said so.
     threads: Option<usize>,
     /// The state that was handed out last.
     studied: Option<Studied>,
+    /// The last thing that happened by itself, with its number.
+    news: Option<(u64, String)>,
+    /// The first lane's file.
+    file: Option<PathBuf>,
+    /// Steps and commands of the lanes that were written down last.
+    drafted: Vec<(u64, usize)>,
 }
 
 impl Engine {
@@ -98,9 +111,13 @@ impl Engine {
             stale: false,
             at: now,
             memory: Memory::default(),
+            timeline: Timeline::default(),
             grips: Grips::default(),
             threads,
             studied: None,
+            news: None,
+            file: None,
+            drafted: Vec::new(),
         };
         engine.open(setups)?;
         Ok(engine)
@@ -123,25 +140,9 @@ impl Engine {
         match order {
             Order::Open(setups) => self.open(setups)?,
             Order::AddLane { from, at, title, settings, back } => {
-                let at = at.min(self.lanes.len());
-                if back.is_some_and(|number| self.memory.put_back(number, at, &mut self.lanes)) {
-                    self.has_jumped();
-                } else if let Some(lane) = self.lanes.get(from) {
-                    let lane = lane.branch(title, settings, self.threads)?;
-                    self.lanes.insert(at, lane);
-                }
-                if at <= self.reference && at + 1 < self.lanes.len() {
-                    self.reference += 1;
-                }
+                self.add_lane(from, at, title, &settings, back)?;
             }
-            Order::RemoveLane { lane, number } => {
-                if self.lanes.len() > 1 && lane < self.lanes.len() {
-                    self.memory.put_away(number, lane, &mut self.lanes);
-                    if self.reference >= lane {
-                        self.reference = self.reference.saturating_sub(1);
-                    }
-                }
-            }
+            Order::RemoveLane { lane, number } => self.remove_lane(lane, number),
             Order::Apply(lane, command) => self.apply(lane, &command)?,
             Order::Drag(to) => self.drag(&to)?,
             Order::Run(running) => {
@@ -152,17 +153,24 @@ impl Engine {
                 self.running = false;
                 self.rest();
                 for _ in 0..beats {
+                    let plays = self.replay().is_some();
                     self.beat();
+                    if plays && self.replay().is_none() {
+                        break;
+                    }
                 }
                 self.measure_at = Instant::now();
             }
             Order::Speed(speed) => self.clock.speed = speed.clamp(1e-3, 1e3),
-            Order::GoBack(seconds) => {
-                for lane in &mut self.lanes {
-                    lane.go_back(seconds);
+            Order::GoBack(seconds) => self.go_back(seconds),
+            Order::Scrub(to) => self.scrub(to),
+            Order::Remember(bytes) => self.timeline.allow(bytes),
+            Order::Again => self.again()?,
+            Order::Rename(title, file) => {
+                self.file = Some(file);
+                if let Some(lane) = self.lanes.first_mut() {
+                    lane.title = title;
                 }
-                self.has_jumped();
-                self.running = false;
             }
             Order::Keep(number) => self.memory.keep(number, &self.lanes),
             Order::Exchange { number, otherwise } => self.exchange(number, &otherwise)?,
@@ -179,25 +187,26 @@ impl Engine {
     }
 
     fn open(&mut self, setups: Vec<LaneSetup>) -> Result<(), Refusal> {
-        // Built before the old ones go: a refused scene leaves everything as it was.
-        let open = |setup: LaneSetup| {
-            let title = setup.title.clone();
-            Lane::open(setup, self.threads).map_err(|refusal| refusal.at(title))
-        };
-        let lanes = setups.into_iter().map(open).collect::<Result<Vec<_>, _>>()?;
-        if lanes.is_empty() {
-            return Err(Refusal::new("there is no scene to open"));
-        }
-        self.lanes = lanes;
+        let file = setups.first().and_then(|setup| setup.file.clone());
+        self.lanes = self.build(setups)?;
+        self.file = file;
         self.reference = 0;
         self.running = false;
+        self.timeline.clear();
         self.has_jumped();
         Ok(())
     }
 
     fn apply(&mut self, only: Option<usize>, command: &Command) -> Result<(), Refusal> {
+        self.go_on();
+        self.take_over(command);
         if !self.grips.mind(command, self.time) {
             return Ok(());
+        }
+        if matches!(command, Command::Reset)
+            || matches!(command, Command::Set { key, .. } if key.starts_with("target"))
+        {
+            self.keep();
         }
         let mut result = Ok(());
         let mut has_jumped = false;
@@ -205,29 +214,12 @@ impl Engine {
             if only.is_some_and(|only| only != i) {
                 continue;
             }
-            let before = lane.world.time();
-            let done = lane.world.apply(command.clone());
-            if !matches!(command, Command::Drag { .. }) {
-                lane.told = None;
+            if let (Command::Set { key, .. }, Some(play)) = (command, &mut lane.play) {
+                play.choose(key);
             }
-            let is_setting =
-                matches!(command, Command::Set { .. } | Command::Pin { .. } | Command::Free { .. });
-            if is_setting && done.is_ok() {
-                lane.refresh();
-            }
-            if let Command::Set { key, .. } = command {
-                lane.restart_search(key);
-            }
-            match command {
-                Command::Set { key, .. } if key.starts_with("target") => lane.shape = None,
-                Command::Reset => lane.shape = None,
-                _ => {}
-            }
-            if lane.world.time() < before {
-                lane.remembered.clear();
-                has_jumped = true;
-            }
-            result = result.and(done);
+            let done = lane.apply(command);
+            has_jumped |= *done.as_ref().unwrap_or(&false);
+            result = result.and(done.map(|_| ()));
         }
         if has_jumped {
             self.has_jumped();
@@ -238,6 +230,7 @@ impl Engine {
     }
 
     fn drag(&mut self, to: &[(u32, DVec3)]) -> Result<(), Refusal> {
+        self.go_on();
         let frame = self.clock.speed / 60.0;
         for lane in &mut self.lanes {
             let dt = lane.world.scene().dt;
@@ -254,7 +247,18 @@ impl Engine {
 
     /// Time has jumped in some lane: hands, owed time and the beat begin anew.
     fn has_jumped(&mut self) {
-        self.time = self.lanes.iter().map(|lane| lane.world.time()).fold(0.0, f64::max);
+        self.time = self.lanes.iter().map(Lane::clock).fold(0.0, f64::max);
+        self.start_anew();
+        self.timeline.jump();
+        self.keep();
+    }
+
+    /// Keeps the present state on the timeline.
+    fn keep(&mut self) {
+        self.timeline.keep(&self.lanes, self.time);
+    }
+
+    fn start_anew(&mut self) {
         self.grips = Grips::default();
         self.rest();
         let now = Instant::now();
@@ -266,6 +270,8 @@ impl Engine {
     fn exchange(&mut self, number: u64, otherwise: &[(Option<usize>, Command)]) -> Result<(), Refusal> {
         let replaces = |(_, command): &(_, Command)| matches!(command, Command::Set { key, .. } if key.starts_with("target"));
         let commands_do = !otherwise.is_empty() && !otherwise.iter().any(replaces);
+        self.go_on();
+        self.keep();
         if self.memory.exchange(number, commands_do, &mut self.lanes) {
             self.has_jumped();
             return Ok(());
@@ -277,11 +283,7 @@ impl Engine {
     }
 
     fn record(&self, path: &Path) -> Result<(), Refusal> {
-        let Some((recording, place)) = self.recording(0) else {
-            return Err(Refusal::new(
-                "this lane was added while time passed: it has no start to record from",
-            ));
-        };
+        let Some((recording, place)) = self.recording(0) else { return Ok(()) };
         let scene = place.moved(&recording.scene, path.parent().unwrap_or(Path::new(".")));
         let text = Recording { scene, ..recording }.to_ron()?;
         Pending::new(path)?.finish(text.as_bytes())
@@ -341,28 +343,22 @@ impl Engine {
     }
 
     fn beat(&mut self) {
-        self.time += self.beat_time();
-        let (time, blends) = (self.time, self.blends());
-        let keep = (REMEMBERED_PARTICLES / kept::particles(&self.lanes)).clamp(1, REMEMBERED);
+        self.go_on();
+        let (beat, before) = (self.beat_time(), self.steps());
+        let (time, blends, start) = (self.time + beat, self.blends(), Instant::now());
         for lane in &mut self.lanes {
-            let start = Instant::now();
-            let before = lane.world.time();
-            let dt = lane.world.scene().dt;
             if blends {
                 lane.begin_beat(&mut self.numbers);
             }
-            while dt > 0.0 && lane.world.time() + dt <= time * (1.0 + 1e-12) + 1e-12 {
-                let steps = lane.world.steps();
-                lane.world.step();
-                if lane.world.steps() == steps {
-                    break;
-                }
-            }
-            lane.spent.0 += start.elapsed();
-            lane.spent.1 += lane.world.time() - before;
-            lane.remember(keep);
+            lane.advance_to(time);
         }
         self.stale = true;
+        // Where nothing moves, because it has burst, no time has passed.
+        let has_moved = self.steps() != before;
+        if has_moved {
+            self.time = time;
+        }
+        let is_due = has_moved && self.timeline.pass(beat, start.elapsed());
         for particles in self.grips.let_go(self.time) {
             for lane in &mut self.lanes {
                 // Particles of a scene that is gone are refused, rightly.
@@ -373,7 +369,20 @@ impl Engine {
             self.running = false;
             self.measure_at = Instant::now();
             self.limit_at = self.measure_at;
+            if has_moved {
+                // No steps lead beyond.
+                self.timeline.jump();
+                self.keep();
+            }
+        } else if is_due {
+            self.keep();
         }
+        self.end_script();
+    }
+
+    /// Steps of all lanes.
+    fn steps(&self) -> u64 {
+        self.lanes.iter().map(|lane| lane.world.steps()).sum()
     }
 
     fn blends(&self) -> bool {
@@ -405,6 +414,9 @@ impl Engine {
             refusal: self.refusal.clone(),
             is_still: false,
             studied: self.studied.clone(),
+            timeline: self.timeline.remembered(),
+            replay: self.replay(),
+            news: self.news.clone(),
         }
     }
 
@@ -430,16 +442,31 @@ impl Engine {
         }
     }
 
-    /// What was done to a lane since it was opened, and where its scene's meshes are; none where it has no start to
-    /// record from, because it was added while time passed.
+    /// What was done to a lane since its start, and where its scene's meshes are.
     pub fn recording(&self, lane: usize) -> Option<(Recording, Place)> {
         let lane = self.lanes.get(lane)?;
-        Some((Recording::of(lane.start.clone()?, &lane.world), lane.place.clone()))
+        Some((Recording::of(lane.start.clone(), &lane.world), lane.place.clone()))
+    }
+
+    /// What is to be written down, should anything have been done since the last time.
+    pub fn draft(&mut self) -> Option<Draft> {
+        let now: Vec<_> = self.lanes.iter().map(|lane| (lane.world.steps(), lane.world.logged())).collect();
+        if now == self.drafted || now.iter().all(|(_, logged)| *logged == 0) {
+            return None;
+        }
+        self.drafted = now;
+        let lanes = self.lanes.iter().map(|lane| DraftLane {
+            title: lane.title.clone(),
+            start: lane.start.clone(),
+            place: lane.place.clone(),
+            snapshot: lane.world.snapshot(),
+        });
+        Some(Draft { file: self.file.clone(), lanes: lanes.collect() })
     }
 
     /// The commands that a lane has taken, with their steps.
-    pub fn log(&self, lane: usize) -> &[Entry] {
-        self.lanes.get(lane).map_or(&[], |lane| lane.world.log())
+    pub fn log(&self, lane: usize) -> Vec<Entry> {
+        self.lanes.get(lane).map_or(Vec::new(), |lane| lane.world.log())
     }
 }
 

@@ -2,13 +2,18 @@
 
 use std::{
     path::{Path, PathBuf},
+    sync::Arc,
     sync::mpsc::{Receiver, TryRecvError, channel},
 };
 
-use super::{order::Order, preferences::Preferences, session::Session};
+use super::{
+    order::{LaneSetup, Order, Origin},
+    preferences::Preferences,
+    session::Session,
+};
 use crate::{
-    scene::{self, Mass, Opened, Pending, Place, Refusal, Scene, Target, to_ron},
-    world::World,
+    scene::{self, Mass, Opened, Pending, Place, Refusal, Scene, Target, read_limited, to_ron},
+    world::{Recording, Script, World},
 };
 
 /// Endings of files that can be opened.
@@ -24,6 +29,8 @@ pub enum Purpose {
     Save,
     /// Where to save the recording.
     Record,
+    /// A recording to play.
+    Replay,
 }
 
 /// What comes after a question was answered, or a file was saved.
@@ -35,8 +42,16 @@ pub enum Next {
     Ask,
     /// Open a file or a built-in scene.
     Open(String),
+    /// Play a recording.
+    Replay(PathBuf),
     /// Close the window.
     Quit,
+}
+
+/// What was read.
+enum Loaded {
+    Scene(Opened),
+    Recording(LaneSetup),
 }
 
 /// Keys of a scene, with values.
@@ -83,7 +98,7 @@ pub struct Files {
     /// What is remembered.
     pub preferences: Preferences,
     window: Option<egui::Context>,
-    loading: Option<(String, Job<Result<Opened, Refusal>>)>,
+    loading: Option<(String, Job<Result<Loaded, Refusal>>)>,
     saving: Option<Job<(PathBuf, Result<(), Refusal>)>>,
     picking: Option<(Purpose, Job<Option<PathBuf>>)>,
     after_saving: Option<Next>,
@@ -105,8 +120,17 @@ impl Files {
     pub fn open(&mut self, name: &str) {
         let meshes = self.preferences.meshes.clone();
         let wanted = name.to_owned();
-        let job = Job::start(self.window.as_ref(), move || load(&wanted, &meshes));
+        let job = Job::start(self.window.as_ref(), move || load(&wanted, &meshes).map(Loaded::Scene));
         self.loading = Some((name.to_owned(), job));
+    }
+
+    /// Opens a recording, to be played.
+    pub fn replay(&mut self, path: &Path) {
+        let (path, meshes) = (path.to_owned(), self.preferences.meshes.clone());
+        let name = path.display().to_string();
+        let job =
+            Job::start(self.window.as_ref(), move || load_recording(&path, &meshes).map(Loaded::Recording));
+        self.loading = Some((name, job));
     }
 
     /// What is being read.
@@ -159,6 +183,7 @@ impl Files {
                 let answer = dialog.add_filter("Scenes and meshes", &all).pick_file();
                 (purpose, self.wait_for(answer))
             }
+            Purpose::Replay => (purpose, self.wait_for(dialog.add_filter("Recordings", &SCENES).pick_file())),
             Purpose::Save | Purpose::Record => {
                 let answer = dialog.add_filter("RON", &SCENES).set_file_name(name).save_file();
                 (purpose, self.wait_for(answer))
@@ -183,7 +208,11 @@ impl Files {
     pub fn poll(&mut self, session: &mut Session) -> (Option<(Purpose, PathBuf)>, Option<Next>) {
         if let Some((_, job)) = &self.loading {
             match job.answer() {
-                Ok(Ok(opened)) => self.has_loaded(session, opened),
+                Ok(Ok(Loaded::Scene(opened))) => self.has_loaded(session, opened),
+                Ok(Ok(Loaded::Recording(setup))) => {
+                    self.loading = None;
+                    session.open(vec![setup]);
+                }
                 Ok(Err(refusal)) => {
                     session.message = Some(refusal.to_string());
                     self.loading = None;
@@ -264,6 +293,18 @@ fn load(name: &str, meshes: &[PathBuf]) -> Result<Opened, Refusal> {
         opened.title = short.to_string_lossy().into_owned();
     }
     Ok(opened)
+}
+
+/// Reads a recording. It opens meshes as the scene in its place would.
+fn load_recording(path: &Path, meshes: &[PathBuf]) -> Result<LaneSetup, Refusal> {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let recording =
+        read_limited(&path).and_then(|text| Recording::from_ron(&text).map_err(|e| e.at(path.display())))?;
+    let mut place = Place::folder(path.parent().unwrap_or(Path::new(".")));
+    meshes.iter().for_each(|mesh| place.allow(mesh));
+    let origin = Origin::Script(Arc::new(Script::from(&recording)));
+    let title = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(LaneSetup { title, scene: recording.scene, place, file: None, origin })
 }
 
 /// Keys and values that make a mesh light cotton, with a step that is stable for it: with the values of the 25 m sheet a garment

@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::Arc,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use glam::DVec3;
@@ -12,18 +12,16 @@ use super::{
     camera::Bounds,
     changes::changes,
     geometry::Geometry,
-    order::{LaneSetup, LaneState, Limit, Moment, Values},
+    order::{LaneSetup, LaneState, Limit, Moment, Origin, Values},
     render::flag,
 };
 use crate::{
     forces::Spectrum,
     scene::{Place, Refusal, Scene},
     target::ImportReport,
-    world::{Command, Measures, Snapshot, World},
+    world::{Command, Entry, Measures, Play, Snapshot, World},
 };
 
-/// Simulated time between two states remembered for going back, s.
-const REMEMBER_EVERY: f64 = 0.1;
 /// Particles from which on several threads step a cloth: below, telling them costs more than they do.
 const MANY: usize = 10_000;
 /// More threads than these only wait for memory.
@@ -33,8 +31,8 @@ const MOST_THREADS: usize = 8;
 pub(super) struct Lane {
     pub title: String,
     pub world: World,
-    /// The scene that the world was made of; none once it no longer starts there.
-    pub start: Option<Scene>,
+    /// The scene that the world's commands begin with.
+    pub start: Scene,
     pub place: Place,
     pub geometry: Arc<Geometry>,
     /// Torn springs that `geometry` leaves out; none once the geometry is out of date.
@@ -42,9 +40,9 @@ pub(super) struct Lane {
     /// Where the beat that was taken last began.
     pub previous: Option<Moment>,
     /// What was told last, after how many steps; none once particles were put elsewhere without one.
-    pub told: Option<(u64, Moment)>,
-    /// States to go back to, with their times.
-    pub remembered: VecDeque<(f64, Snapshot)>,
+    told: Option<(u64, Moment)>,
+    /// What is done by itself, as it was to another cloth.
+    pub play: Option<Play>,
     /// Computing time and simulated time since the last measurement.
     pub spent: (Duration, f64),
     measures: Measures,
@@ -60,14 +58,20 @@ pub(super) struct Lane {
 
 impl Lane {
     pub fn open(setup: LaneSetup, threads: Option<usize>) -> Result<Self, Refusal> {
-        let start = setup.scene.clone();
-        let world = World::new(setup.scene, setup.place.clone()).map_err(|e| e.at(&setup.title))?;
-        let mut lane = Self::of(setup.title, world, setup.place);
-        lane.start = Some(start);
-        lane.set_threads(threads)?;
-        lane.refresh();
-        lane.measure();
-        lane.remember(usize::MAX);
+        let LaneSetup { title, scene, place, origin, .. } = setup;
+        let script = if let Origin::Script(script) = &origin { Some(Arc::clone(script)) } else { None };
+        let (start, world) = match origin {
+            Origin::Saved(saved) => saved.resume(),
+            _ => World::new(scene.clone(), place.clone()).map(|world| (scene, world)),
+        }
+        .map_err(|e| e.at(&title))?;
+        let mut lane = Self::of(title, start, world, place);
+        if let Some(script) = script {
+            lane.play = Some(Play::new(script, &lane.world, Vec::new()));
+        }
+        // Whoever held something is gone.
+        lane.let_go();
+        lane.begin(threads)?;
         Ok(lane)
     }
 
@@ -78,30 +82,43 @@ impl Lane {
         settings: Vec<(String, String)>,
         threads: Option<usize>,
     ) -> Result<Self, Refusal> {
-        let mut world = World::new(Scene::default(), self.place.clone())?;
-        world.restore(&self.world.snapshot());
-        for (key, value) in settings {
-            world.apply(Command::Set { key, value })?;
-        }
-        let mut lane = Self::of(title, world, self.place.clone());
-        lane.set_threads(threads)?;
-        lane.refresh();
-        lane.measure();
-        lane.remember(usize::MAX);
+        let world = World::resume(&self.world.snapshot(), self.place.clone())?;
+        let mut lane = Self::of(title, self.start.clone(), world, self.place.clone());
+        lane.play.clone_from(&self.play);
+        lane.set(settings)?;
+        lane.begin(threads)?;
         Ok(lane)
     }
 
-    fn of(title: String, world: World, place: Place) -> Self {
+    /// Makes settings by hand; a script that is played does not undo them.
+    pub fn set(&mut self, settings: Vec<(String, String)>) -> Result<(), Refusal> {
+        for (key, value) in settings {
+            if let Some(play) = &mut self.play {
+                play.choose(&key);
+            }
+            self.apply(&Command::Set { key, value })?;
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, threads: Option<usize>) -> Result<(), Refusal> {
+        self.set_threads(threads)?;
+        self.refresh();
+        self.measure();
+        Ok(())
+    }
+
+    fn of(title: String, start: Scene, world: World, place: Place) -> Self {
         Self {
             title,
             world,
-            start: None,
+            start,
             place,
             geometry: Arc::default(),
             shape: None,
             previous: None,
             told: None,
-            remembered: VecDeque::new(),
+            play: None,
             spent: (Duration::ZERO, 0.0),
             measures: Measures::default(),
             limit: Limit::Unknown,
@@ -198,50 +215,118 @@ impl Lane {
         self.limit == Limit::Unknown
     }
 
-    pub fn remember(&mut self, most: usize) {
-        let time = self.world.time();
-        if self.remembered.back().is_none_or(|(last, _)| time >= last + REMEMBER_EVERY) {
-            self.remembered.push_back((time, self.world.snapshot()));
-            while self.remembered.len() > most {
-                self.remembered.pop_front();
+    /// Takes a command, and takes over what it changes. True if its time has gone back.
+    pub fn apply(&mut self, command: &Command) -> Result<bool, Refusal> {
+        let before = self.world.time();
+        let done = self.world.apply(command.clone());
+        if !matches!(command, Command::Drag { .. }) {
+            self.told = None;
+        }
+        match command {
+            Command::Set { key, .. } => {
+                self.restart_search(key);
+                if key.starts_with("target") {
+                    self.shape = None;
+                }
+            }
+            Command::Reset => self.shape = None,
+            _ => {}
+        }
+        done?;
+        if matches!(command, Command::Set { .. } | Command::Pin { .. } | Command::Free { .. }) {
+            self.refresh();
+        }
+        Ok(self.world.time() < before)
+    }
+
+    /// The time that a beat compares: that of the script while one is played, since a reset does not turn it back.
+    pub fn clock(&self) -> f64 {
+        self.play.as_ref().map_or(self.world.time(), |play| play.time(&self.world))
+    }
+
+    /// Whether another step would not pass a time.
+    fn has_room(&self, time: f64) -> bool {
+        let dt = self.world.scene().dt;
+        dt > 0.0 && self.clock() + dt <= time * (1.0 + 1e-12) + 1e-12
+    }
+
+    /// Takes the steps up to a time. `act` does before each what is to be done, and says whether there is to be one.
+    fn steps_to(&mut self, time: f64, mut act: impl FnMut(&mut Self) -> bool) {
+        while self.has_room(time) && act(self) && self.has_room(time) {
+            let steps = self.world.steps();
+            self.world.step();
+            if self.world.steps() == steps {
+                break;
             }
         }
     }
 
-    /// Goes to a state; hands that held something then have long let go.
-    pub fn restore(&mut self, snapshot: &Snapshot) {
-        self.world.restore(snapshot);
+    /// Takes the steps up to a time, with what the script says.
+    pub fn advance_to(&mut self, time: f64) {
+        let (start, before) = (Instant::now(), self.world.time());
+        self.steps_to(time, |lane| {
+            lane.follow_script();
+            !lane.has_played()
+        });
+        self.spent.0 += start.elapsed();
+        self.spent.1 += (self.world.time() - before).max(0.0);
+    }
+
+    fn follow_script(&mut self) {
+        while let Some(command) = self.play.as_mut().and_then(|play| play.due(&self.world)) {
+            // What does not fit this cloth is left out: a hand on a particle that is not there.
+            let _ = self.apply(&command);
+        }
+    }
+
+    /// Whether its script has come to its end.
+    pub fn has_played(&self) -> bool {
+        self.play.as_ref().is_some_and(|play| play.is_over(&self.world))
+    }
+
+    /// Takes the steps up to a time as they were taken once, with the commands that were logged.
+    pub fn repeat_to(&mut self, time: f64, logged: &mut VecDeque<Entry>) {
+        self.steps_to(time, |lane| {
+            lane.repeat_commands(logged);
+            !lane.has_played()
+        });
+    }
+
+    /// Does again what was logged before the next step.
+    pub fn repeat_commands(&mut self, logged: &mut VecDeque<Entry>) {
+        while let Some(entry) = logged.pop_front_if(|entry| entry.step <= self.world.steps()) {
+            // Whatever of it the script did goes on in the script.
+            if let Some(mut ahead) = self.play.clone()
+                && ahead.due(&self.world).as_ref() == Some(&entry.command)
+            {
+                self.play = Some(ahead);
+            }
+            // Accepted once, it is accepted again.
+            let _ = self.apply(&entry.command);
+        }
+    }
+
+    /// Opens all hands.
+    pub fn let_go(&mut self) {
         let particles: Vec<u32> = self.world.held().collect();
         if !particles.is_empty() {
             // Only particles that are held are named.
             let _ = self.world.apply(Command::Release { particles });
         }
-        let now = self.world.time();
-        while self.remembered.back().is_some_and(|(time, _)| *time > now) {
-            self.remembered.pop_back();
-        }
+    }
+
+    /// Goes to a state.
+    pub fn restore(&mut self, snapshot: &Snapshot, play: Option<Play>) {
+        self.world.restore(snapshot);
+        self.play = play;
         self.shape = None;
         self.forget_moments();
         self.restart_search("simulator");
         self.refresh();
     }
 
-    /// Goes back to the last state remembered `seconds` before now, or to the oldest. What was set since stays set.
-    pub fn go_back(&mut self, seconds: f64) {
-        let wanted = self.world.time() - seconds;
-        while self.remembered.len() > 1 && self.remembered.back().is_some_and(|(time, _)| *time > wanted) {
-            self.remembered.pop_back();
-        }
-        if let Some((_, snapshot)) = self.remembered.pop_back() {
-            let scene = self.world.scene().clone();
-            self.restore(&snapshot);
-            self.adopt(&scene);
-            self.remembered.push_back((self.world.time(), self.world.snapshot()));
-        }
-    }
-
     /// Sets what a newer scene of the same target has set.
-    fn adopt(&mut self, scene: &Scene) {
+    pub fn adopt(&mut self, scene: &Scene) {
         for (key, value, _) in changes(self.world.scene(), scene).unwrap_or_default() {
             // Accepted once, it is accepted again.
             let _ = self.world.apply(Command::Set { key, value });

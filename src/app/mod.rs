@@ -1,5 +1,6 @@
 //! The workbench: a window in which cloth is seen, taken hold of, and changed while it runs.
 
+pub mod autosave;
 pub mod camera;
 mod changes;
 pub mod display;
@@ -19,6 +20,7 @@ pub mod picking;
 pub mod picture;
 pub mod preferences;
 pub mod render;
+pub mod restoring;
 pub mod session;
 pub mod shell;
 pub mod simulation;
@@ -41,6 +43,7 @@ use crate::{
     scene::{Opened, Place},
     world::Recording,
 };
+use autosave::Autosave;
 use engine::{Engine, LaneSetup};
 use preferences::Preferences;
 use session::{Link, Session};
@@ -120,7 +123,10 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
     // The thread is there before the window: until that opens, nobody needs to be woken.
     let window = Arc::new(OnceLock::<egui::Context>::new());
     let wake = Arc::clone(&window);
-    let mut simulation = Simulation::start(engine, move || {
+    let autosave = autosave::folder().and_then(|folder| Autosave::start(&folder));
+    let written = autosave.as_ref().map(Autosave::written);
+    let ending = written.clone();
+    let mut simulation = Simulation::start(engine, autosave, move || {
         if let Some(context) = wake.get() {
             context.request_repaint();
         }
@@ -139,7 +145,12 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
         let mut workbench = Workbench::with(session, preferences, file);
         workbench.attach(stage);
         workbench.closer = closer;
+        workbench.restore.look(autosave::folder(), written, stage.egui);
         workbench
     })?;
+    // Not where the window has failed: then the next one offers to go on.
+    if let Some(written) = ending {
+        written.end();
+    }
     Ok(closed)
 }

@@ -8,11 +8,11 @@ use std::{
 
 use glam::DVec3;
 
-use super::{camera::Bounds, geometry::Geometry};
+use super::{autosave::SavedLane, camera::Bounds, geometry::Geometry};
 use crate::{
     scene::{Opened, Place, Scene},
     target::ImportReport,
-    world::{Command, Health, Measures, Snapshot},
+    world::{Command, Health, Measures, Script, Snapshot},
 };
 
 /// What the interface can ask for.
@@ -51,8 +51,17 @@ pub enum Order {
     Step(u32),
     /// Simulated seconds for each second; 1 is real time.
     Speed(f64),
-    /// Goes back by about this simulated time, s, as far as is remembered.
+    /// Goes back by this simulated time, s, as far as is remembered, and forgets what came after. What was set since stays set.
     GoBack(f64),
+    /// Shows the moment of this place on the timeline, s, and pauses. What came after is forgotten only once time passes again,
+    /// or something is done.
+    Scrub(f64),
+    /// Memory that the timeline may take, bytes.
+    Remember(usize),
+    /// Plays all lanes again from their starts: what was done is done again at its time.
+    Again,
+    /// The first lane's scene has another name and file.
+    Rename(String, PathBuf),
     /// Remembers the present state of all lanes under a number.
     Keep(u64),
     /// Goes to a state that was kept, and keeps the present one in its place. Where commands would do, because nothing has torn
@@ -85,6 +94,18 @@ pub enum Values {
     Distance,
 }
 
+/// Where a lane starts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Origin {
+    /// At the start of its scene.
+    #[default]
+    Start,
+    /// There too, and what was done to another lane is done to it at the same times.
+    Script(Arc<Script>),
+    /// Where an earlier session was.
+    Saved(Box<SavedLane>),
+}
+
 /// A lane to be opened.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LaneSetup {
@@ -96,11 +117,13 @@ pub struct LaneSetup {
     pub place: Place,
     /// The scene's file, which saving writes.
     pub file: Option<PathBuf>,
+    /// Where it starts.
+    pub origin: Origin,
 }
 
 impl From<Opened> for LaneSetup {
     fn from(Opened { scene, place, title, file }: Opened) -> Self {
-        Self { title, scene, place, file }
+        Self { title, scene, place, file, origin: Origin::Start }
     }
 }
 
@@ -211,6 +234,32 @@ pub struct State {
     pub is_still: bool,
     /// The state that was asked for last, to be studied, with the order's number.
     pub studied: Option<Studied>,
+    /// What is remembered.
+    pub timeline: Remembered,
+    /// How far a recording has been played, and how long it is, s; none while none is.
+    pub replay: Option<[f64; 2]>,
+    /// The last thing that happened by itself, with its number.
+    pub news: Option<(u64, String)>,
+}
+
+/// What is remembered: places on the timeline are simulated time that has passed in this session, s. A reset does not turn it back.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Remembered {
+    /// The oldest moment.
+    pub from: f64,
+    /// The moment that is shown; the last one unless the past is.
+    pub at: f64,
+    /// The last moment.
+    pub to: f64,
+    /// Memory in use, and allowed, bytes.
+    pub bytes: [usize; 2],
+}
+
+impl Remembered {
+    /// Whether a moment of the past is shown.
+    pub fn is_past(&self) -> bool {
+        self.at < self.to
+    }
 }
 
 /// A state that was handed out, with the number of the order that asked for it.

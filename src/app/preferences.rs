@@ -22,6 +22,8 @@ pub struct Preferences {
     pub maximized: bool,
     /// Width of the panels on the left and on the right, and height of the lanes' table, points.
     pub panels: [f32; 3],
+    /// Memory that the timeline may take, MB.
+    pub timeline: u32,
     /// What is shown.
     pub style: Style,
     /// Scenes and meshes that were open, the last one first.
@@ -36,6 +38,7 @@ impl Default for Preferences {
             size: [1280.0, 800.0],
             maximized: false,
             panels: [330.0, 290.0, 150.0],
+            timeline: 256,
             style: Style::default(),
             recent: Vec::new(),
             meshes: Vec::new(),

@@ -5,13 +5,14 @@
 
 mod hold;
 mod lanes;
+mod past;
 
 use std::{collections::BTreeSet, path::PathBuf, sync::Arc};
 
 use glam::DVec3;
 
 use super::{
-    engine::{Engine, LaneSetup, LaneState, Order, State, Values},
+    engine::{Engine, LaneSetup, LaneState, Order, Origin, State, Values},
     history::{Edit, History},
     render::flag,
     simulation::Simulation,
@@ -59,7 +60,11 @@ pub struct Session {
     history: History,
     sent: u64,
     seen_refusal: u64,
+    seen_news: u64,
+    /// A moment of the past is shown, or was asked for.
+    is_in_the_past: bool,
     opening: Option<Opening>,
+    opened: u64,
     /// The lane that panels show and edit.
     pub lane: usize,
     /// Selected particles.
@@ -96,7 +101,10 @@ impl Session {
             history: History::default(),
             sent: 0,
             seen_refusal: 0,
+            seen_news: 0,
+            is_in_the_past: false,
             opening: None,
+            opened: 0,
             lane: 0,
             selection: BTreeSet::new(),
             grip: Grip { soft: false, stiffness: 100.0 },
@@ -121,6 +129,11 @@ impl Session {
             self.seen_refusal = *order;
             self.message = Some(why.clone());
         }
+        if let Some((number, what)) = self.state.news.as_ref().filter(|(number, _)| *number > self.seen_news)
+        {
+            self.seen_news = *number;
+            self.message = Some(what.clone());
+        }
         if let Some(opening) = self.opening.take_if(|opening| self.state.orders >= opening.order)
             && refusal.is_none_or(|(order, _)| order != opening.order)
         {
@@ -143,14 +156,20 @@ impl Session {
             self.history.push(Edit { label, lane: None, undo, redo });
             self.history.seal();
         }
+        let starts = setups.iter().all(|setup| setup.origin == Origin::Start);
         self.setups = setups;
+        self.opened += 1;
         self.saved = saved;
         self.selection.clear();
         self.held.clear();
         self.trace.clear();
         self.lane = 0;
         self.keeps_defaults = false;
-        self.start();
+        if starts {
+            self.start();
+        } else {
+            self.message = Some("paused: Space runs it".to_owned());
+        }
     }
 
     /// Lets time pass, unless the cloth would only fall out of sight.
@@ -182,6 +201,11 @@ impl Session {
         self.opening.as_ref().and_then(|opening| opening.setups.first()).map(|setup| setup.title.as_str())
     }
 
+    /// How often something has been opened.
+    pub fn opened(&self) -> u64 {
+        self.opened
+    }
+
     /// The scene of the lane that is edited, as it will be.
     pub fn scene(&self) -> &Scene {
         &self.drafts[self.lane.min(self.drafts.len() - 1)]
@@ -195,6 +219,7 @@ impl Session {
     /// Sends an order that cannot be taken back.
     pub fn order(&mut self, order: Order) {
         self.sent += 1;
+        self.is_in_the_past &= !past::goes_on(&order);
         match &mut self.link {
             Link::Thread(simulation) => simulation.send(order),
             Link::Here(engine) => engine.take(order),
@@ -382,8 +407,9 @@ impl Session {
     /// Opens other lanes. Until they are built, and if they are refused, everything stays as it is.
     pub fn open(&mut self, setups: Vec<LaneSetup>) {
         let Some(first) = setups.first() else { return };
-        // A mesh without a scene is nothing that was saved.
-        let saved = Some(first.scene.clone());
+        // A mesh without a scene is nothing that was saved; what an earlier session left is not saved either.
+        let is_left = matches!(first.origin, Origin::Saved(_));
+        let saved = (!is_left).then(|| first.scene.clone());
         self.message = None;
         let undo = Some(self.setups_now());
         self.opening = Some(Opening { order: self.sent + 1, setups: setups.clone(), saved, undo });
@@ -392,7 +418,9 @@ impl Session {
 
     fn setups_now(&self) -> Vec<LaneSetup> {
         let lanes = self.setups.iter().zip(&self.drafts);
-        lanes.map(|(setup, scene)| LaneSetup { scene: scene.clone(), ..setup.clone() }).collect()
+        lanes
+            .map(|(setup, scene)| LaneSetup { scene: scene.clone(), origin: Origin::Start, ..setup.clone() })
+            .collect()
     }
 
     /// Whether the scene differs from the file that it came from.
@@ -414,7 +442,9 @@ impl Session {
         self.message = Some(format!("saved {}", file.display()));
         if let Some(setup) = self.setups.first_mut() {
             setup.title = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            setup.file = Some(file);
+            setup.file = Some(file.clone());
+            let title = setup.title.clone();
+            self.order(Order::Rename(title, file));
         }
     }
 

@@ -9,7 +9,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::engine::{Engine, Order, State};
+use super::{
+    autosave::Autosave,
+    engine::{Engine, Order, State},
+};
 use crate::world::Command;
 
 /// The interface's end.
@@ -28,16 +31,20 @@ const STILL_EVERY: Duration = Duration::from_millis(100);
 const UNSEEN: f32 = 5e-5;
 
 impl Simulation {
-    /// Starts the thread; `wake` is called after each new state.
+    /// Starts the thread; `wake` is called after each new state, and what is done is written down by `autosave`.
     ///
     /// # Errors
     /// The system gives no thread.
-    pub fn start(mut engine: Engine, wake: impl Fn() + Send + 'static) -> std::io::Result<Self> {
+    pub fn start(
+        mut engine: Engine,
+        mut autosave: Option<Autosave>,
+        wake: impl Fn() + Send + 'static,
+    ) -> std::io::Result<Self> {
         let (orders, inbox) = channel();
         let state = Arc::new(Mutex::new(Arc::new(engine.state())));
         let outbox = Arc::clone(&state);
         let thread = std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
-            run(&mut engine, &inbox, &outbox, wake);
+            run(&mut engine, autosave.as_mut(), &inbox, &outbox, wake);
             engine
         })?;
         Ok(Self { orders, sent: 0, state, thread: Some(thread) })
@@ -68,7 +75,13 @@ impl Simulation {
 }
 
 /// Ends when the interface is gone.
-fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>, wake: impl Fn()) {
+fn run(
+    engine: &mut Engine,
+    mut autosave: Option<&mut Autosave>,
+    inbox: &Receiver<Order>,
+    outbox: &Mutex<Arc<State>>,
+    wake: impl Fn(),
+) {
     let mut last = Instant::now();
     let mut told = Instant::now();
     let mut news = true;
@@ -99,7 +112,11 @@ fn run(engine: &mut Engine, inbox: &Receiver<Order>, outbox: &Mutex<Arc<State>>,
             told = Instant::now();
             news = false;
         }
+        if let Some(autosave) = autosave.as_deref_mut().filter(|autosave| autosave.wait().is_zero()) {
+            autosave.put(engine.draft());
+        }
         let idle = if news { every.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
+        let idle = autosave.as_ref().map_or(idle, |autosave| idle.min(autosave.wait()));
         if idle.is_zero() {
             continue;
         }
@@ -141,6 +158,7 @@ fn replaces(next: &Order, order: &Order) -> bool {
         (Order::Apply(a, Command::Set { key: new, .. }), Order::Apply(b, Command::Set { key: old, .. })) => {
             a == b && new == old
         }
+        (Order::Scrub(_), Order::Scrub(_)) => true,
         (Order::Drag(new), Order::Drag(old)) => new.iter().map(|d| d.0).eq(old.iter().map(|d| d.0)),
         _ => false,
     }
@@ -150,14 +168,20 @@ fn replaces(next: &Order, order: &Order) -> bool {
 mod tests {
     use super::*;
     use crate::{
-        app::engine::LaneSetup,
+        app::engine::{LaneSetup, Origin},
         scene::{Place, Scene},
     };
 
     fn start(ron: &str) -> Simulation {
         let scene = Scene::from_ron(ron).expect("a scene");
-        let setup = LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None };
-        Simulation::start(Engine::new(vec![setup]).expect("opens"), || {}).expect("a thread")
+        let setup = LaneSetup {
+            title: "test".to_owned(),
+            scene,
+            place: Place::default(),
+            file: None,
+            origin: Origin::Start,
+        };
+        Simulation::start(Engine::new(vec![setup]).expect("opens"), None, || {}).expect("a thread")
     }
 
     fn wait(simulation: &Simulation, until: impl Fn(&State) -> bool) -> Arc<State> {

@@ -19,6 +19,7 @@ use super::{
     picking,
     preferences::Preferences,
     render::{Cloth, Style, Theme},
+    restoring::Restore,
     session::Session,
     shell::{Canvas, Content, Stage},
     theme,
@@ -44,6 +45,8 @@ pub struct Workbench {
     shows_help: bool,
     gallery: Gallery,
     export: panels::ExportWindow,
+    /// What an earlier session left.
+    pub restore: Restore,
     /// Where one looks from, and the mouse.
     pub viewport: Viewport,
     drawing: Option<(Drawing, Vec<Cloth>)>,
@@ -82,6 +85,7 @@ impl Workbench {
             shows_help: false,
             gallery: Gallery::default(),
             export: panels::ExportWindow::default(),
+            restore: Restore::default(),
             viewport: Viewport::default(),
             drawing: None,
             device: String::new(),
@@ -118,14 +122,16 @@ impl Workbench {
             self.lab.cancel();
         }
         self.see_burst();
-        self.is_finished |= self.closer.is_asked();
+        if self.closer.is_asked() {
+            self.finish();
+        }
         self.poll(ui);
         self.lab.poll(&mut self.session, ui.ctx());
         let closes = (self.shows_help || self.shows_gallery) && self.ask.is_none();
         if closes && ui.input_mut(|input| input.consume_key(egui::Modifiers::NONE, egui::Key::Escape)) {
             (self.shows_help, self.shows_gallery) = (false, false);
         }
-        if self.ask.is_none() {
+        if self.ask.is_none() && self.restore.offer().is_none() {
             for action in panels::pressed(ui) {
                 self.perform(&action);
             }
@@ -172,6 +178,9 @@ impl Workbench {
         egui::Panel::bottom("status").show(ui, |ui| {
             let uploaded = self.uploaded();
             panels::status_ui(ui, &self.session, self.files.loading(), &self.device, uploaded);
+        });
+        egui::Panel::bottom("timeline").show(ui, |ui| {
+            panels::timeline_ui(ui, &mut self.session, &mut self.files.preferences.timeline);
         });
         if self.lab.is_open {
             let height = ui.available_height();
@@ -227,6 +236,7 @@ impl Workbench {
         if self.shows_help {
             panels::help_ui(&ctx, &mut self.shows_help);
         }
+        panels::restore_ui(&ctx, &mut self.restore, &mut self.session);
         let is_asking = matches!(self.ask, Some(Ask::Unsaved(_)));
         if let Some(next) = panels::dialog_ui(&ctx, &mut self.ask, &mut self.session, &mut self.files) {
             if is_asking {
@@ -248,6 +258,7 @@ impl Workbench {
 
     /// Takes what threads and the system have brought.
     fn poll(&mut self, ui: &Ui) {
+        self.restore.poll(&mut self.session);
         let (picked, next) = self.files.poll(&mut self.session);
         match picked {
             Some((Purpose::Open, path)) => {
@@ -260,6 +271,10 @@ impl Workbench {
                     _ => None,
                 };
                 self.files.save(&self.session, &path, after);
+            }
+            Some((Purpose::Replay, path)) => {
+                self.ask = None;
+                self.request(Next::Replay(path));
             }
             Some((Purpose::Record, path)) => {
                 self.ask = None;
@@ -290,8 +305,14 @@ impl Workbench {
             Next::New => self.files.open("sheet"),
             Next::Ask => self.ask = Some(Ask::Open(String::new())),
             Next::Open(name) => self.files.open(&name),
-            Next::Quit => self.is_finished = true,
+            Next::Replay(path) => self.files.replay(&path),
+            Next::Quit => self.finish(),
         }
+    }
+
+    fn finish(&mut self) {
+        self.is_finished = true;
+        self.restore.end();
     }
 
     /// Does what a key, a menu or a button asks for.
@@ -307,6 +328,8 @@ impl Workbench {
             },
             Action::SaveAs => self.ask = Some(Ask::save(session, None)),
             Action::Record => self.ask = Some(Ask::record(session)),
+            Action::Replay => self.ask = Some(Ask::Replay(String::new())),
+            Action::Again => session.play_again(),
             Action::Export => self.export.toggle(session),
             Action::Gallery => self.shows_gallery = !self.shows_gallery,
             Action::Quit => self.request(Next::Quit),

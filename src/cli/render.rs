@@ -126,7 +126,7 @@ mod with_renderer {
         let mut world = common.world(&opened)?;
         let painter = Painter::new(&options.out, options.size)?;
         common.warn(&world.warnings());
-        advance(&mut world, common, steps, |_| Ok(()))?;
+        advance(&mut world, common, steps, |_| Ok(true))?;
         let drawn = painter.draw(&world, &opened.title)?;
         if common.json {
             output::print(&output::json(&drawn)?);

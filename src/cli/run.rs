@@ -90,8 +90,7 @@ pub fn run(options: &Options) -> Result<Ending, Refusal> {
     let steps = options.length.steps(&opened.scene)?;
     let record = options.record.as_deref().map(Record::new).transpose()?;
     let world = options.common.world(&opened)?;
-    let (world, ending) =
-        execute(world, &options.results, &options.common, &opened.title, steps, |_| Ok(()))?;
+    let (world, ending) = execute(world, &options.results, &options.common, &opened.title, steps)?;
     if let Some(record) = record {
         record.finish(Recording::of(opened.scene, &world), &opened.place)?;
     }
@@ -129,12 +128,24 @@ pub fn steps_in(seconds: f64, scene: &Scene) -> Result<u64, Refusal> {
 
 /// Runs a world as [`advance`] does, then writes the result wherever it was asked for.
 pub fn execute(
+    world: World,
+    results: &Results,
+    common: &Common,
+    title: &str,
+    steps: u64,
+) -> Result<(World, Ending), Refusal> {
+    execute_as(world, results, common, title, steps, |_| Ok(true), |_| Ok(None))
+}
+
+/// The same with acts between the steps, and what is to be said of the end beside the result.
+pub fn execute_as(
     mut world: World,
     results: &Results,
     common: &Common,
     title: &str,
     steps: u64,
-    between: impl FnMut(&mut World) -> Result<(), Refusal>,
+    between: impl FnMut(&mut World) -> Result<bool, Refusal>,
+    compare: impl FnOnce(&World) -> Result<Option<Difference>, Refusal>,
 ) -> Result<(World, Ending), Refusal> {
     let pending = results.out.as_deref().map(Pending::new).transpose()?;
     let warnings = world.warnings();
@@ -142,7 +153,9 @@ pub fn execute(
     let start = Instant::now();
     advance(&mut world, common, steps, between)?;
     let wall_seconds = start.elapsed().as_secs_f64();
-    let result = RunResult::of(&world, wall_seconds, common.threads(), results.positions, warnings);
+    let difference = compare(&world)?;
+    let mut result = RunResult::of(&world, wall_seconds, common.threads(), results.positions, warnings);
+    result.difference = difference;
     let text = if pending.is_some() || common.json { output::json(&result)? } else { String::new() };
     if let Some(file) = pending {
         file.finish(format!("{text}\n").as_bytes())?;
@@ -155,24 +168,24 @@ pub fn execute(
     Ok((world, ending))
 }
 
-/// Steps a world to a number of steps, calling `between` before the first and after each, until it diverges or Ctrl-C is
-/// pressed.
+/// Steps a world to a number of steps, calling `between` before the first and after each, until that says no, it diverges or
+/// Ctrl-C is pressed.
 pub fn advance(
     world: &mut World,
     common: &Common,
     steps: u64,
-    mut between: impl FnMut(&mut World) -> Result<(), Refusal>,
+    mut between: impl FnMut(&mut World) -> Result<bool, Refusal>,
 ) -> Result<(), Refusal> {
     catch_interrupt();
     let bar = progress(common, steps);
     let mut shown = Instant::now();
-    between(world)?;
-    while world.steps() < steps && !INTERRUPTED.load(Ordering::Relaxed) {
+    let mut goes_on = between(world)?;
+    while goes_on && world.steps() < steps && !INTERRUPTED.load(Ordering::Relaxed) {
         world.step();
         if world.health().is_diverged() {
             break;
         }
-        between(world)?;
+        goes_on = between(world)?;
         if shown.elapsed().as_millis() > 100 {
             shown = Instant::now();
             bar.set_message(format!("{:.2} s simulated", world.time()));
@@ -180,7 +193,7 @@ pub fn advance(
         }
     }
     bar.finish_and_clear();
-    if world.steps() < steps && !world.health().is_diverged() {
+    if goes_on && world.steps() < steps && !world.health().is_diverged() {
         common.warn(&[format!("interrupted after {} of {steps} steps", world.steps())]);
     }
     Ok(())
@@ -219,9 +232,39 @@ pub struct RunResult<'a> {
     threads: u32,
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    difference: Option<Difference>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     positions: Option<Vec<[f64; 3]>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     velocities: Option<Vec<[f64; 3]>>,
+}
+
+/// How far the end is from that of another run with as many particles.
+#[derive(Clone, Copy, Serialize)]
+pub struct Difference {
+    /// Root mean square and largest distance of the particles, m, and the particle that is farthest.
+    pub rms: f64,
+    pub max: f64,
+    pub particle: usize,
+    /// The other's energies, J, and largest strain.
+    pub energy: Energy,
+    pub max_strain: f64,
+}
+
+impl Difference {
+    /// None where the particles are not as many.
+    pub fn of(world: &World, other: &World) -> Option<Self> {
+        let (own, others) = (world.positions(), other.positions());
+        if own.len() != others.len() {
+            return None;
+        }
+        let apart: Vec<f64> = own.iter().zip(&others).map(|(a, b)| a.distance(*b)).collect();
+        let rms = (apart.iter().map(|d| d * d).sum::<f64>() / apart.len().max(1) as f64).sqrt();
+        let farthest = apart.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+        let (particle, max) = farthest.unwrap_or_default();
+        let measures = other.measures();
+        Some(Self { rms, max, particle, energy: measures.energy, max_strain: measures.max_strain })
+    }
 }
 
 /// Springs by kind, those that do not act included.
@@ -265,6 +308,7 @@ impl<'a> RunResult<'a> {
             wall_seconds,
             threads,
             warnings,
+            difference: None,
             positions: positions.then(|| arrays(world.positions())),
             velocities: positions.then(|| arrays(world.velocities())),
         }
@@ -290,13 +334,19 @@ impl<'a> RunResult<'a> {
                 "diverged in step {step} ({time:.4} s) at particle {particle}; what is shown is the last good state"
             ),
         };
+        let difference = self.difference.map_or(String::new(), |d| {
+            format!(
+                "\nagainst the recording: {:.6} m apart (root mean square), {:.6} m at particle {}; its energy {:.6} J, largest strain {:.4}",
+                d.rms, d.max, d.particle, d.energy.total(), d.max_strain
+            )
+        });
         format!(
             "{title}: {} particles ({} pinned), springs {stretch} stretch, {shear} shear, {bend} bend{torn}\n\
              {} in {:?} precision, dt {} s: {} steps, {:.4} s simulated in {:.3} s ({speed:.1} x real time)\n\
              energy: kinetic {:.6} J, gravitational {:.6} J, elastic {:.6} J\n\
              strain: largest {:.4}, mean {:.4}\n\
              cost: {} force evaluations, {} spring visits, {} solver iterations\n\
-             health: {health}",
+             health: {health}{difference}",
             self.particles,
             self.pinned,
             self.simulator,

@@ -80,7 +80,7 @@ fn headless(opened: &Opened, why: &str, record: Option<Record>, common: &Common)
     let steps = steps_in(SECONDS, &opened.scene)?;
     let world = common.world(opened)?;
     output::complain_of("note", why);
-    let (world, ending) = execute(world, &Results::default(), common, &opened.title, steps, |_| Ok(()))?;
+    let (world, ending) = execute(world, &Results::default(), common, &opened.title, steps)?;
     if let Some(record) = record {
         record.finish(Recording::of(opened.scene.clone(), &world), &opened.place)?;
     }

@@ -1,7 +1,7 @@
 //! Folders of numbered files that are there whole or not at all.
 
 use super::Span;
-use crate::scene::Refusal;
+use crate::scene::{Refusal, UNFINISHED};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -41,7 +41,7 @@ impl PendingFolder {
         let mut builder = tempfile::Builder::new();
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-        let folder = builder.prefix(".tenter-").tempdir_in(beside);
+        let folder = builder.prefix(UNFINISHED).tempdir_in(beside);
         let folder = folder.map_err(|e| failed(&path, &e))?;
         let digits = span.last.to_string().len().max(4);
         Ok(Self { folder, path, stem, digits, extension })

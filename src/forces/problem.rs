@@ -21,7 +21,7 @@ fn next_revision() -> u64 {
 }
 
 /// Work in counts: the same on every machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Cost {
     /// How often the forces on all particles were computed.
     pub force_evaluations: u64,

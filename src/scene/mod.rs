@@ -9,7 +9,7 @@ mod target;
 
 pub use mass::Mass;
 pub use open::{Opened, Place, open, read_limited};
-pub use pending::Pending;
+pub use pending::{Pending, UNFINISHED};
 pub use pins::{Pin, Pins};
 pub use target::{Built, GridTarget, MeshTarget, Plane, Target};
 

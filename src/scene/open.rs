@@ -19,7 +19,8 @@ pub struct Opened {
 }
 
 /// Where a scene may look for meshes: in its own folder, and at paths that the user named.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Place {
     folder: PathBuf,
     named: Vec<PathBuf>,

@@ -5,6 +5,9 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+/// How the names of files begin that are not whole yet.
+pub const UNFINISHED: &str = ".tenter-";
+
 /// A file to be: it is written beside its place and renamed into it when whole. Dropped before that, it leaves nothing.
 pub struct Pending {
     file: tempfile::NamedTempFile,
@@ -34,7 +37,7 @@ impl Pending {
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         // Its error names the file beside; the user knows only the one to be.
         let plain = |e: std::io::Error| failed(e.kind().into());
-        let file = builder.prefix(".tenter-").tempfile_in(folder).map_err(plain)?;
+        let file = builder.prefix(UNFINISHED).tempfile_in(folder).map_err(plain)?;
         Ok(Self { file, path: path.to_owned() })
     }
 

@@ -46,7 +46,7 @@ impl Snapshot {
             ledger: Ledger::default(),
             jitter: Jitter::default(),
             health: Health::default(),
-            log: Vec::new(),
+            log: super::Log::default(),
             checkpoint: None,
             threads: None,
         };

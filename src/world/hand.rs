@@ -1,6 +1,7 @@
 //! A hand at one particle: how it grips, where it goes, and how fast it was when it let go.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Simulated time over which a hand's velocity is measured, s: long enough to smooth a frame of 1/30 s, short enough for
@@ -10,7 +11,7 @@ const WINDOW: f64 = 0.1;
 const SAMPLES: f64 = 64.0;
 
 /// How a hand takes hold.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Grip {
     /// The particle is where the hand is.
     Hold,
@@ -19,7 +20,7 @@ pub(super) enum Grip {
 }
 
 /// A hand at one particle.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Hand {
     pub particle: u32,
     pub grip: Grip,

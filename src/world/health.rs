@@ -61,7 +61,7 @@ impl Health {
 const EXCESS: f64 = 1e3;
 
 /// The energy that the forces can have given to a cloth.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Ledger {
     /// Kinetic and elastic energy when the ledger was opened, with the work done by wind and hands since, J.
     given: f64,

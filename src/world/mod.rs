@@ -6,14 +6,21 @@ mod cloth;
 mod command;
 mod hand;
 mod health;
+mod log;
 mod measure;
+mod packed;
 mod recording;
+mod script;
+mod stored;
 
 pub use clock::{Clock, Tick};
 pub use command::{Command, REACH, STIFFEST_PULL};
 pub use health::{Cause, Health};
 pub use measure::{Energy, Measures};
+pub use packed::Packed;
 pub use recording::{Entry, Recording};
+pub use script::{Play, Script};
+pub use stored::Stored;
 
 use crate::forces::{Cost, Spectrum};
 use crate::math::{Real, Vector};
@@ -24,6 +31,7 @@ use cloth::{Cloth, Shape};
 use glam::DVec3;
 use hand::{Grip, Hand};
 use health::{Jitter, Ledger};
+use log::Log;
 use std::collections::HashSet;
 use std::sync::Arc;
 
@@ -68,7 +76,7 @@ pub struct World {
     ledger: Ledger,
     jitter: Jitter,
     health: Health,
-    log: Vec<Entry>,
+    log: Log,
     /// A state at most [`CHECKPOINT`] steps old from which the last good state is stepped again; none after a command.
     checkpoint: Option<Box<Snapshot>>,
     /// Several threads to step on; none where one does.
@@ -91,7 +99,7 @@ pub struct Snapshot {
     anchor: (u64, f64),
     cost: Cost,
     ledger: Ledger,
-    logged: usize,
+    log: Log,
 }
 
 impl Snapshot {
@@ -103,6 +111,16 @@ impl Snapshot {
     /// Steps taken until then.
     pub fn step(&self) -> u64 {
         self.step
+    }
+
+    /// Commands logged until then.
+    pub fn logged(&self) -> usize {
+        self.log.len()
+    }
+
+    /// These, but for the first `count`.
+    pub fn commands_since(&self, count: usize) -> Vec<Entry> {
+        self.log.since(count)
     }
 }
 
@@ -129,7 +147,7 @@ impl World {
             ledger: Ledger::default(),
             jitter: Jitter::default(),
             health: Health::default(),
-            log: Vec::new(),
+            log: Log::default(),
             checkpoint: None,
             threads: None,
         };
@@ -459,14 +477,14 @@ impl World {
             anchor: self.anchor,
             cost: self.cost,
             ledger: self.ledger,
-            logged: self.log.len(),
+            log: self.log.clone(),
         }
     }
 
-    /// Goes back to a snapshot of this world; commands logged since are forgotten.
+    /// Goes to a snapshot, the commands that led there included.
     pub fn restore(&mut self, snapshot: &Snapshot) {
         self.put_back(snapshot);
-        self.log.truncate(snapshot.logged);
+        self.log = snapshot.log.clone();
         self.health = Health::Ok;
         self.checkpoint = None;
     }
@@ -594,8 +612,13 @@ impl World {
     }
 
     /// The commands applied so far.
-    pub fn log(&self) -> &[Entry] {
-        &self.log
+    pub fn log(&self) -> Vec<Entry> {
+        self.log.to_vec()
+    }
+
+    /// How many these are.
+    pub fn logged(&self) -> usize {
+        self.log.len()
     }
 
     /// Torn springs, by index among all springs, sorted.

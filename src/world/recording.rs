@@ -35,7 +35,7 @@ impl Recording {
     /// The recording of a world that was started on `scene`.
     pub fn of(scene: Scene, world: &World) -> Self {
         let digest = format!("{:016x}", world.digest());
-        Self { scene, steps: world.steps(), commands: world.log().to_vec(), digest }
+        Self { scene, steps: world.steps(), commands: world.log(), digest }
     }
 
     /// Reads a recording from RON text.

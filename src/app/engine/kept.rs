@@ -2,17 +2,18 @@
 
 use std::collections::VecDeque;
 
-use super::{Lane, REMEMBERED_PARTICLES};
-use crate::world::Snapshot;
+use super::Lane;
+use crate::world::{Play, Snapshot};
 
-/// States kept for taking edits back.
+/// States kept for taking edits back, and the particles of all of them: memory, not time, is the limit.
 const KEPT: usize = 24;
+const KEPT_PARTICLES: usize = 4_000_000;
 
 /// A state of all lanes to exchange with.
 struct Kept {
     number: u64,
     torn: Vec<usize>,
-    lanes: Vec<Snapshot>,
+    lanes: Vec<(Snapshot, Option<Play>)>,
     /// A lane that was removed then.
     away: Option<Lane>,
 }
@@ -22,7 +23,7 @@ struct Kept {
 pub(super) struct Memory(VecDeque<Kept>);
 
 /// Particles of all lanes.
-pub(super) fn particles(lanes: &[Lane]) -> usize {
+fn particles(lanes: &[Lane]) -> usize {
     lanes.iter().map(|lane| lane.world.pinned().len()).sum::<usize>().max(1)
 }
 
@@ -31,13 +32,25 @@ fn torn(lanes: &[Lane]) -> Vec<usize> {
     lanes.iter().map(|lane| lane.world.broken().len()).collect()
 }
 
+fn moment(lane: &Lane) -> (Snapshot, Option<Play>) {
+    (lane.world.snapshot(), lane.play.clone())
+}
+
+/// Hands that held something then have long let go, unless a script is what moves them.
+fn restore(lane: &mut Lane, (snapshot, play): &(Snapshot, Option<Play>)) {
+    lane.restore(snapshot, play.clone());
+    if lane.play.is_none() {
+        lane.let_go();
+    }
+}
+
 impl Memory {
     /// Keeps the present state under a number.
     pub fn keep(&mut self, number: u64, lanes: &[Lane]) {
-        let most = (REMEMBERED_PARTICLES / particles(lanes)).clamp(1, KEPT);
+        let most = (KEPT_PARTICLES / particles(lanes)).clamp(1, KEPT);
         self.0.retain(|kept| kept.number != number);
-        let snapshots = lanes.iter().map(|lane| lane.world.snapshot()).collect();
-        self.0.push_back(Kept { number, torn: torn(lanes), lanes: snapshots, away: None });
+        let states = lanes.iter().map(moment).collect();
+        self.0.push_back(Kept { number, torn: torn(lanes), lanes: states, away: None });
         while self.0.len() > most {
             self.0.pop_front();
         }
@@ -53,10 +66,10 @@ impl Memory {
             return false;
         };
         kept.torn = torn;
-        for (lane, snapshot) in lanes.iter_mut().zip(&mut kept.lanes) {
-            let now = lane.world.snapshot();
-            lane.restore(snapshot);
-            *snapshot = now;
+        for (lane, state) in lanes.iter_mut().zip(&mut kept.lanes) {
+            let now = moment(lane);
+            restore(lane, state);
+            *state = now;
         }
         true
     }
@@ -64,8 +77,7 @@ impl Memory {
     /// Takes a lane out, and keeps the state that all are in.
     pub fn put_away(&mut self, number: u64, lane: usize, lanes: &mut Vec<Lane>) {
         self.keep(number, lanes);
-        let mut away = lanes.remove(lane);
-        away.remembered.clear();
+        let away = lanes.remove(lane);
         if let Some(kept) = self.0.back_mut() {
             kept.away = Some(away);
         }
@@ -78,8 +90,8 @@ impl Memory {
         let Some(kept) = self.0.iter_mut().find(fits) else { return false };
         let Some(away) = kept.away.take() else { return false };
         lanes.insert(at, away);
-        for (lane, snapshot) in lanes.iter_mut().zip(&kept.lanes) {
-            lane.restore(snapshot);
+        for (lane, state) in lanes.iter_mut().zip(&kept.lanes) {
+            restore(lane, state);
         }
         true
     }

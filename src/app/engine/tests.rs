@@ -1,5 +1,7 @@
 //! Orders and the states that come of them.
 
+mod past;
+
 use super::*;
 use crate::{
     app::render::flag,
@@ -8,7 +10,7 @@ use crate::{
 
 fn setup(ron: &str) -> LaneSetup {
     let scene = Scene::from_ron(ron).expect("a scene");
-    LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None }
+    LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None, origin: Origin::Start }
 }
 
 fn engine(scenes: &[&str]) -> Engine {

@@ -23,6 +23,8 @@ pub enum Ask {
     Save(String, Option<Next>),
     /// Where to save the recording.
     Record(String),
+    /// For a recording to play.
+    Replay(String),
     /// Whether to save before what comes next.
     Unsaved(Next),
 }
@@ -73,6 +75,14 @@ pub fn dialog_ui(
                     Files::record(session, &path);
                     false
                 })
+            }
+            Ask::Replay(path) => {
+                ui.heading("Replay a recording");
+                ui.label("What was done is done again at the same simulated times, on every lane: add one with another method, and compare.");
+                let chosen = path_ui(ui, "Replay", path, files, Purpose::Replay);
+                let is_open = chosen.is_none();
+                next = chosen.map(Next::Replay);
+                is_open
             }
             Ask::Unsaved(then) => {
                 ui.heading(format!("Save the changes to {}?", session.title()));

@@ -18,6 +18,10 @@ pub enum Action {
     Save,
     SaveAs,
     Record,
+    /// Opens a recording and plays it.
+    Replay,
+    /// Plays what was done once more, from the start.
+    Again,
     Export,
     Gallery,
     Quit,
@@ -147,7 +151,11 @@ pub fn menu_ui(ui: &mut Ui, session: &Session, files: &Files) -> Option<Action> 
         ui.separator();
         entry(ui, "Save", Action::Save, true);
         entry(ui, "Save as…", Action::SaveAs, true);
+        ui.separator();
         entry(ui, "Save recording…", Action::Record, true);
+        entry(ui, "Replay recording…", Action::Replay, true);
+        entry(ui, "Play again from the start", Action::Again, true);
+        ui.separator();
         entry(ui, "Export…", Action::Export, true);
         ui.separator();
         entry(ui, "Quit", Action::Quit, true);
