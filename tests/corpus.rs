@@ -10,7 +10,8 @@ use std::path::Path;
 /// Replays every file of one folder.
 fn replay(folder: &str, ask: fn(&[u8])) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus").join(folder);
-    let mut files: Vec<_> = fs::read_dir(path).expect("a folder").map(|f| f.expect("a file").path()).collect();
+    let mut files: Vec<_> =
+        fs::read_dir(path).expect("a folder").map(|f| f.expect("a file").path()).collect();
     files.sort();
     assert!(files.len() >= 5, "{folder}: only {} files", files.len());
     for file in files {

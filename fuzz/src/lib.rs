@@ -70,8 +70,10 @@ pub fn recording(bytes: &[u8]) {
         Ok(recording) => recording,
         Err(refusal) => return assert_one_line(&refusal),
     };
-    let again = Recording::from_ron(&recording.to_ron().unwrap());
-    assert_eq!(again.as_ref(), Ok(&recording), "written and read again");
+    // As texts: a command may be of a number that is none, which is refused where it is applied and equals nothing.
+    let written = recording.to_ron().unwrap();
+    let again = Recording::from_ron(&written).and_then(|again| again.to_ron());
+    assert_eq!(again.as_ref(), Ok(&written), "written and read again");
     // Every scene on the way must be one that is soon built and stepped.
     let mut scene = recording.scene.clone();
     if !is_small(&scene) {

@@ -7,6 +7,7 @@ use std::{
 
 use super::{order::Order, preferences::Preferences, session::Session};
 use crate::{
+    export::Format,
     scene::{self, Mass, Opened, Pending, Place, Refusal, Scene, Target, to_ron},
     world::World,
 };
@@ -24,6 +25,8 @@ pub enum Purpose {
     Save,
     /// Where to save the recording.
     Record,
+    /// Where to export to.
+    Export,
 }
 
 /// What comes after a question was answered, or a file was saved.
@@ -161,6 +164,11 @@ impl Files {
             }
             Purpose::Save | Purpose::Record => {
                 let answer = dialog.add_filter("RON", &SCENES).set_file_name(name).save_file();
+                (purpose, self.wait_for(answer))
+            }
+            Purpose::Export => {
+                let formats = Format::ALL.map(|(extension, _)| extension);
+                let answer = dialog.add_filter("Motion", &formats).set_file_name(name).save_file();
                 (purpose, self.wait_for(answer))
             }
         });
