@@ -279,7 +279,16 @@ impl Soak {
         let before = self.session().scene().simulator.id.clone();
         self.session().set(None, "simulator.id", method, &before);
         self.session().end_edit();
+        self.hurry(None, method);
         format!("method {method}")
+    }
+
+    /// A method that chooses its own steps may need thousands for one: here nobody waits for them.
+    fn hurry(&mut self, lane: Option<usize>, method: &str) {
+        if simulators::find(method).unwrap().params.contains(&"most_steps") {
+            self.session().set(lane, "simulator.params.most_steps", "20", "1000");
+            self.session().end_edit();
+        }
     }
 
     fn open(&mut self) -> String {
@@ -316,6 +325,7 @@ impl Soak {
         if lanes < 3 && self.chance.below(2) == 0 {
             let method = self.chance.one(simulators::ALL).id;
             self.session().add_lane(Some(method));
+            self.hurry(Some(lanes), method);
             format!("add a lane of {method}")
         } else {
             let lane = self.chance.below(lanes);
