@@ -18,10 +18,19 @@ const COLOURS: usize = 50;
 /// Until nothing more is loaded.
 const REST: Duration = Duration::from_secs(5);
 
-/// Starts the program and waits for its picture; how long that took, and its memory at rest, MB, where that is asked for.
-fn start(display: &Display, rests: bool) -> (Duration, Option<f64>) {
-    let (connection, screen) = x11rb::connect(Some(&display.name)).expect("the display");
-    let root = connection.setup().roots[screen].root;
+/// What was seen of one start.
+struct Seen {
+    /// Until the first picture, ms.
+    taken: f64,
+    /// The files that the program has mapped, itself included.
+    files: HashSet<String>,
+    /// Memory at rest, MB, where that was waited for.
+    memory: f64,
+}
+
+/// Starts the program and waits for its picture, and then until it is at rest where that is asked for.
+fn start(display: &Display, connection: &impl Connection, rests: bool) -> Seen {
+    let root = connection.setup().roots[0].root;
     let folder = tempfile::tempdir().expect("a folder");
     let mut command = Command::new(env!("CARGO_BIN_EXE_tenter"));
     command.env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
@@ -38,20 +47,30 @@ fn start(display: &Display, rests: bool) -> (Duration, Option<f64>) {
         assert!(begin.elapsed() < Duration::from_mins(1), "nothing is drawn");
         sleep(Duration::from_millis(2));
     }
-    let taken = begin.elapsed();
-    let memory = rests.then(|| {
+    let taken = 1e3 * begin.elapsed().as_secs_f64();
+    if rests {
         sleep(REST);
-        let status = fs::read_to_string(format!("/proc/{}/status", program.0.id())).expect("a process");
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its memory");
-        line.trim().trim_end_matches(" kB").trim().parse::<f64>().expect("a number") / 1000.0
-    });
-    (taken, memory)
+    }
+    let told = |of: &str| fs::read_to_string(format!("/proc/{}/{of}", program.0.id())).expect("a process");
+    let maps = told("maps");
+    let files = maps.lines().filter_map(|line| line.find(" /").map(|at| line[at + 1..].to_owned())).collect();
+    let status = told("status");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("its memory");
+    let kilobytes: f64 = line.trim().trim_end_matches(" kB").trim().parse().expect("a number");
+    Seen { taken, files, memory: kilobytes / 1000.0 }
 }
 
-/// Makes the system forget what it has read of files, which only root may.
-fn forget_files() -> bool {
-    let _ = Command::new("sync").status();
-    fs::write("/proc/sys/vm/drop_caches", "3").is_ok()
+/// Makes the system forget what it has read of files that nobody else has mapped.
+fn forget(files: &HashSet<String>) {
+    for file in files {
+        let mut command = Command::new("dd");
+        let done = command
+            .arg(format!("if={file}"))
+            .args(["iflag=nocache", "count=0"])
+            .stderr(Stdio::null())
+            .status();
+        assert!(done.is_ok(), "dd is missing");
+    }
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -61,25 +80,25 @@ fn median(mut values: Vec<f64>) -> f64 {
 
 /// Prints the figures with the machine.
 pub fn all() {
+    tenter::app::gpu::quiet_drivers();
     let cpu = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = cpu.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or("?");
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let adapter = tenter::app::gpu::Gpu::offscreen().map_or_else(|e| e.to_string(), |gpu| gpu.description());
     println!("{}, {cores} cores; {adapter}", name.trim_start_matches([' ', '\t', ':']));
     let display = Display::open();
-    let milliseconds = |cold: bool| {
-        let run = |_| {
-            let is_cold = cold && forget_files();
-            (cold == is_cold).then(|| 1e3 * start(&display, false).0.as_secs_f64())
-        };
-        (0..RUNS).map(run).collect::<Option<Vec<f64>>>().map(median)
-    };
-    if let Some(cold) = milliseconds(true) {
-        println!("to the first picture, files not read before: {cold:.0} ms");
-    }
-    println!("to the first picture, files read before: {:.0} ms", milliseconds(false).unwrap_or(f64::NAN));
-    let memory = (0..3).filter_map(|_| start(&display, true).1).collect();
-    println!("memory at rest, {} s after that: {:.0} MB", REST.as_secs(), median(memory));
+    // Kept for all runs: a server without a client begins anew.
+    let (connection, _) = x11rb::connect(Some(&display.name)).expect("the display");
+    let files = start(&display, &connection, false).files;
+    let cold = (0..RUNS).map(|_| {
+        forget(&files);
+        start(&display, &connection, false).taken
+    });
+    println!("to the first picture, program and libraries read from disk: {:.0} ms", median(cold.collect()));
+    let warm = (0..RUNS).map(|_| start(&display, &connection, false).taken);
+    println!("to the first picture, in memory already: {:.0} ms", median(warm.collect()));
+    let memory = (0..3).map(|_| start(&display, &connection, true).memory);
+    println!("memory at rest, {} s after that: {:.0} MB", REST.as_secs(), median(memory.collect()));
     let size = fs::metadata(env!("CARGO_BIN_EXE_tenter")).map_or(0, |data| data.len());
     println!("program: {:.1} MB", size as f64 / 1e6);
 }

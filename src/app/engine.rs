@@ -34,6 +34,8 @@ const FIRST_LIMIT_SHARE: f64 = 0.25;
 /// States remembered for going back, and the particles of all of them: memory, not time, is the limit.
 const REMEMBERED: usize = 40;
 const REMEMBERED_PARTICLES: usize = 4_000_000;
+/// Most steps of a lane in a beat: orders wait for its end, however much shorter than the longest a dt may be.
+const STEPS_OF_A_BEAT: u32 = 1000;
 /// A picture's time: steps longer than this are blended.
 const PICTURE: Duration = Duration::from_millis(12);
 /// Runs the lanes.
@@ -295,9 +297,12 @@ impl Engine {
         }
     }
 
-    /// Length of a beat: the longest dt, s.
+    /// Length of a beat, s: the longest dt, unless another lane would need too many steps for that. The longest then comes
+    /// every few beats.
     fn beat_time(&self) -> f64 {
-        self.lanes.iter().map(|lane| lane.world.scene().dt).fold(0.0, f64::max)
+        let dts = || self.lanes.iter().map(|lane| lane.world.scene().dt).filter(|dt| *dt > 0.0);
+        let longest = dts().fold(0.0, f64::max);
+        dts().fold(longest, |beat, dt| beat.min(f64::from(STEPS_OF_A_BEAT) * dt))
     }
 
     /// Takes the steps that are due after `elapsed`, but returns early for orders that `wait`. True if there is news.
@@ -348,8 +353,13 @@ impl Engine {
             if blends {
                 lane.world.positions_f32(&mut lane.previous);
             }
-            while dt > 0.0 && lane.world.time() + dt <= time * (1.0 + 1e-12) + 1e-12 {
+            // Both times are rounded, and a dt far below their last digit moves neither.
+            let due = time * (1.0 + 1e-12) + 1e-6 * dt;
+            for _ in 0..STEPS_OF_A_BEAT {
                 let steps = lane.world.steps();
+                if dt == 0.0 || lane.world.time() + dt > due {
+                    break;
+                }
                 lane.world.step();
                 if lane.world.steps() == steps {
                     break;

@@ -127,9 +127,9 @@ impl ExportWindow {
             });
             combo.response.widget_info(|| WidgetInfo::labeled(Role::ComboBox, true, "Format"));
             let seconds = DragValue::new(&mut self.seconds).range(0.0..=1e6).speed(0.1).suffix(" s");
-            named(ui.add(seconds), "Simulated time");
+            named(&ui.add(seconds), "Simulated time");
             let fps = DragValue::new(&mut self.fps).range(0.01..=1e4).speed(0.1).suffix(" frames/s");
-            named(ui.add(fps), "Frames a second");
+            named(&ui.add(fps), "Frames a second");
         });
         if let Some(format) = format.filter(|format| format.is_drawn()) {
             ui.horizontal(|ui| {
@@ -138,7 +138,7 @@ impl ExportWindow {
                 for (side, name) in [(width, "Width"), (height, "Height")] {
                     let field = DragValue::new(side).range(1..=LONGEST).suffix(" px");
                     let field = ui.add(field).on_hover_text(name);
-                    named(field, name);
+                    named(&field, name);
                 }
                 if size != self.size.unwrap_or_else(|| size_of(format)) {
                     self.size = Some(size);
@@ -173,7 +173,7 @@ impl ExportWindow {
 }
 
 /// What a screen reader and a test call a field.
-fn named(field: egui::Response, name: &str) {
+fn named(field: &egui::Response, name: &str) {
     field.widget_info(|| WidgetInfo::labeled(Role::SpinButton, true, name));
 }
 
