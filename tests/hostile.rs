@@ -2,11 +2,13 @@
 //! memory than 64 times the file and 64 MiB.
 #![allow(clippy::unwrap_used)]
 
-mod memory;
+#[path = "../fuzz/src/lib.rs"]
+mod fuzz;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use fuzz::{assert_one_line, import as checked, memory};
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 use serde_json::Value;
@@ -18,32 +20,6 @@ fn measured(name: &str, bytes: &[u8], weld: f64) -> (Result<Import, ImportError>
     memory::measured(|| {
         import_bytes(name, bytes, None, &ImportOptions { scale: 1.0, weld, ..ImportOptions::default() })
     })
-}
-
-/// Imports, and asserts what holds for every input.
-fn checked(name: &str, bytes: &[u8], weld: f64) -> Result<Import, ImportError> {
-    let (result, most) = measured(name, bytes, weld);
-    let bound = memory::allowed(bytes.len());
-    assert!(most <= bound, "{name}: {most} bytes held for a file of {}, {bound} allowed", bytes.len());
-    match &result {
-        Ok(import) => {
-            let mesh = &import.mesh;
-            assert!(mesh.face_count() > 0);
-            assert!(mesh.positions.iter().all(|p| p.is_finite()));
-            let count = mesh.positions.len() as u32;
-            assert!(mesh.faces().all(|f| f.len() >= 3 && f.iter().all(|corner| *corner < count)));
-            let in_order =
-                |pairs: &[[u32; 2]]| pairs.is_sorted_by(|a, b| a < b) && pairs.iter().all(|p| p[0] < p[1]);
-            assert!(Topology::of(mesh).pairs.iter().all(|pairs| in_order(pairs)));
-        }
-        Err(error) => assert_one_line(&error.to_string()),
-    }
-    result
-}
-
-fn assert_one_line(message: &str) {
-    assert!(!message.chars().any(char::is_control), "{message:?}");
-    assert!(message.len() < 600, "{message}");
 }
 
 fn shared_meshes() -> Option<PathBuf> {

@@ -60,6 +60,7 @@ fn writes_until_it_is_killed() {
                 path: folder.join(name),
                 seconds: 0.2,
                 fps: 25.0,
+                size: None,
             };
             let mut export = Exporting::start(wish, || {}).expect("starts");
             while export.ended().is_none() {

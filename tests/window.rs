@@ -5,89 +5,21 @@
 
 #![cfg(target_os = "linux")]
 
+mod display;
 mod machine;
 
-use std::io::{BufRead, BufReader};
+use display::{Display, Process};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
+use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+use tenter::app::engine::{Engine, LaneSetup, Order};
+use tenter::app::session::{Link, Session};
+use tenter::app::shell::{self, Canvas, Content, Opening, ShellError, Stage};
+use tenter::app::workbench::Workbench;
 use tenter::scene::{Place, Scene};
 use tenter::world::{Command as Act, Recording, World};
-use x11rb::protocol::xproto::{AtomEnum, ClientMessageEvent, ConnectionExt, EventMask};
-
-/// Ends with the test, whatever becomes of it.
-struct Process(Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // Ended already: that is what is wanted.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-impl Process {
-    fn start(command: &mut Command) -> Self {
-        Self(command.spawn().expect("starts"))
-    }
-
-    /// Waits for its end; its exit code.
-    fn end(&mut self, longest: Duration) -> Option<i32> {
-        let start = Instant::now();
-        while start.elapsed() < longest {
-            if let Some(status) = self.0.try_wait().expect("a process") {
-                return status.code();
-            }
-            sleep(Duration::from_millis(50));
-        }
-        panic!("the program has not ended after {longest:?}");
-    }
-}
-
-/// A display without a screen.
-struct Display {
-    _server: Process,
-    name: String,
-}
-
-impl Display {
-    fn open() -> Self {
-        // The server takes a free number and tells it.
-        let mut command = Command::new("Xvfb");
-        command.args(["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"]);
-        let mut server = Process::start(command.stdout(Stdio::piped()).stderr(Stdio::null()));
-        let mut number = String::new();
-        let output = server.0.stdout.take().expect("a pipe");
-        BufReader::new(output).read_line(&mut number).expect("a number");
-        Self { _server: server, name: format!(":{}", number.trim()) }
-    }
-
-    /// Runs xdotool; what it printed.
-    fn xdotool(&self, args: &[&str]) -> String {
-        let mut command = Command::new("timeout");
-        command.args(["60", "xdotool"]).args(args).env("DISPLAY", &self.name);
-        let output = command.output().expect("xdotool runs");
-        assert!(output.status.success(), "xdotool {args:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8_lossy(&output.stdout).into_owned()
-    }
-
-    /// Asks a window to close, as the cross in its frame does; xdotool only can through a window manager.
-    fn close(&self, window: u32) {
-        let (connection, _) = x11rb::connect(Some(&self.name)).expect("the display");
-        let atom = |name: &str| {
-            connection.intern_atom(false, name.as_bytes()).expect("sent").reply().expect("an atom").atom
-        };
-        let (protocols, delete) = (atom("WM_PROTOCOLS"), atom("WM_DELETE_WINDOW"));
-        let offered = connection.get_property(false, window, protocols, AtomEnum::ATOM, 0, 9);
-        let offered = offered.expect("sent").reply().expect("a property");
-        assert!(offered.value32().expect("atoms").any(|atom| atom == delete), "the window cannot be closed");
-        let event = ClientMessageEvent::new(32, window, protocols, [delete, 0, 0, 0, 0]);
-        connection.send_event(false, window, EventMask::NO_EVENT, event).expect("sent");
-        // An answer to a later request says that the server has read this one: it drops what a closed connection left.
-        connection.get_input_focus().expect("sent").reply().expect("an answer");
-    }
-}
 
 fn pause(seconds: f64) {
     sleep(Duration::from_secs_f64(seconds));
@@ -257,4 +189,126 @@ fn ctrl_c_in_the_terminal_closes_the_window_with_the_recording() {
     assert_eq!(program.end(Duration::from_mins(1)), Some(0));
     let text = std::fs::read_to_string(dir.path().join("done.ron")).expect("the recording");
     assert!(Recording::from_ron(&text).expect("a recording").steps > 0);
+}
+
+/// A workbench under which the device is destroyed in some pictures.
+struct Losing {
+    workbench: Workbench,
+    /// Pictures before which and after which it is.
+    lost: fn(u32) -> [bool; 2],
+    pictures: u32,
+    /// Devices that were given, besides the first; and steps that the cloth has taken at the end.
+    told: Arc<Mutex<(u32, u64)>>,
+}
+
+impl Content for Losing {
+    fn ui(&mut self, ui: &mut egui::Ui) {
+        self.workbench.ui(ui);
+        ui.ctx().request_repaint();
+    }
+
+    fn attach(&mut self, stage: &Stage<'_>) {
+        self.told.lock().expect("a number").0 += 1;
+        Content::attach(&mut self.workbench, stage);
+    }
+
+    fn draw(&mut self, canvas: &mut Canvas<'_>) {
+        self.pictures += 1;
+        let [before, after] = (self.lost)(self.pictures);
+        if before {
+            canvas.gpu.device.destroy();
+        }
+        self.workbench.draw(canvas);
+        if after {
+            canvas.gpu.device.destroy();
+        }
+        self.told.lock().expect("a number").1 = self.workbench.session.state().lanes[0].steps;
+    }
+
+    fn close_requested(&mut self) -> bool {
+        true
+    }
+
+    fn is_finished(&self) -> bool {
+        self.pictures >= 12
+    }
+}
+
+/// Shows a sheet after 10 steps until 12 pictures were drawn; how the window closed, with what [`Losing`] tells.
+fn show(lost: fn(u32) -> [bool; 2]) -> (Result<(), ShellError>, u32, u64) {
+    let setup =
+        LaneSetup { title: "sheet".to_owned(), scene: Scene::default(), place: Place::default(), file: None };
+    let mut engine = Engine::new(vec![setup.clone()]).expect("opens");
+    let state = engine.state();
+    let mut session = Session::new(Link::Here(Box::new(engine)), state, vec![setup]);
+    session.order(Order::Step(10));
+    let told = Arc::new(Mutex::new((0, 0)));
+    let ours = Arc::clone(&told);
+    let opening =
+        Opening { title: "Tenter".to_owned(), size: [800.0, 600.0], maximized: false, samples: None };
+    let closed = shell::run(opening, |stage| {
+        let mut workbench = Workbench::new(session);
+        workbench.attach(stage);
+        Losing { workbench, lost, pictures: 0, told }
+    });
+    let (devices, steps) = *ours.lock().expect("numbers");
+    (closed, devices, steps)
+}
+
+/// Runs a test of this file again in a process of its own, on a display of its own: a process has one event loop.
+fn in_a_window_of_its_own(test: &str, show: impl FnOnce()) {
+    const INSIDE: &str = "TENTER_TEST_IN_A_WINDOW";
+    if std::env::var_os(INSIDE).is_some() {
+        return show();
+    }
+    if let Some(what) = lacking() {
+        return machine::lacks(test, &what);
+    }
+    let display = Display::open();
+    let mut command = Command::new(std::env::current_exe().expect("this program"));
+    command.args([test, "--exact", "--nocapture"]).env(INSIDE, "1").env("DISPLAY", &display.name);
+    command.env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    assert_eq!(Process::start(&mut command).end(Duration::from_mins(2)), Some(0));
+}
+
+#[test]
+fn a_lost_device_is_replaced_and_the_cloth_stays() {
+    in_a_window_of_its_own("a_lost_device_is_replaced_and_the_cloth_stays", || {
+        let (closed, devices, steps) = show(|picture| [picture == 3, picture == 6]);
+        closed.expect("closed by itself");
+        assert_eq!((devices, steps), (2, 10));
+    });
+}
+
+#[test]
+fn a_device_that_fails_again_and_again_is_told_in_one_line() {
+    in_a_window_of_its_own("a_device_that_fails_again_and_again_is_told_in_one_line", || {
+        let (closed, devices, steps) = show(|_| [true, false]);
+        let told = closed.expect_err("no picture was drawn").to_string();
+        assert!(told.starts_with("the graphics device failed") && !told.contains('\n'), "{told}");
+        assert_eq!((devices, steps), (3, 10));
+    });
+}
+
+/// A window of any size and none at all: what is outdated or gone is drawn into again once it is there.
+#[test]
+fn a_window_is_resized_hidden_and_shown() {
+    if let Some(what) = lacking() {
+        return machine::lacks("a_window_is_resized_hidden_and_shown", &what);
+    }
+    let dir = tempfile::tempdir().expect("a folder");
+    let display = Display::open();
+    let mut program = open_on(&display, dir.path());
+    let found = display.xdotool(&["search", "--sync", "--onlyvisible", "--name", "Tenter"]);
+    let window = found.lines().next().expect("a window").trim().to_owned();
+    for size in [["1", "1"], ["4000", "3000"], ["1", "3000"], ["1280", "800"]] {
+        display.xdotool(&["windowsize", &window, size[0], size[1]]);
+        pause(0.7);
+        display.xdotool(&["windowunmap", &window]);
+        pause(0.3);
+        display.xdotool(&["windowmap", &window]);
+        pause(0.5);
+    }
+    display.close(window.parse().expect("a number"));
+    assert_eq!(program.end(Duration::from_mins(1)), Some(0));
 }

@@ -23,7 +23,7 @@ pub use super::order::{
 };
 use super::{
     autosave::{Draft, DraftLane},
-    lane::Lane,
+    lane::{Lane, STEPS_OF_A_BEAT},
 };
 use crate::{
     scene::{Pending, Place, Refusal},
@@ -300,9 +300,12 @@ impl Engine {
         }
     }
 
-    /// Length of a beat: the longest dt, s.
+    /// Length of a beat, s: the longest dt, unless another lane would need too many steps for that. The longest then comes
+    /// every few beats.
     fn beat_time(&self) -> f64 {
-        self.lanes.iter().map(|lane| lane.world.scene().dt).fold(0.0, f64::max)
+        let dts = || self.lanes.iter().map(|lane| lane.world.scene().dt).filter(|dt| *dt > 0.0);
+        let longest = dts().fold(0.0, f64::max);
+        dts().fold(longest, |beat, dt| beat.min(f64::from(STEPS_OF_A_BEAT) * dt))
     }
 
     /// Takes the steps that are due after `elapsed`, but returns early for orders that `wait`. True if there is news.

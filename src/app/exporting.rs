@@ -35,6 +35,13 @@ pub struct Wish {
     pub seconds: f64,
     /// Frames a second.
     pub fps: f64,
+    /// Width and height of pictures, pixels; none for what [`size_of`] says.
+    pub size: Option<[u32; 2]>,
+}
+
+/// Width and height of the pictures of a format unless something else is asked for, pixels.
+pub fn size_of(format: Format) -> [u32; 2] {
+    if format == Format::Gif { GIF_SIZE } else { SIZE }
 }
 
 /// An export that is under way. Dropped, it stops and leaves nothing.
@@ -68,7 +75,7 @@ impl Exporting {
         let thread = std::thread::Builder::new().name("export".to_owned()).spawn(work);
         let thread =
             thread.map_err(|e| Refusal::new(format!("the export's thread cannot be started: {e}")))?;
-        // Pictures take two runs: one to find where to look from.
+        // Pictures take a run to find where to look from, and are drawn then.
         let total = if format.is_drawn() { 2 * span.frames() } else { span.frames() };
         Ok(Self { shared, thread: Some(thread), total })
     }
@@ -108,36 +115,50 @@ impl Shared {
     fn export(&self, wish: &Wish, format: Format, span: Span) -> Result<String, Refusal> {
         let Wish { scene, place, path, .. } = wish;
         let mut world = World::new(scene.clone(), place.clone())?;
-        let mut sink: Box<dyn Sink> = if format.is_drawn() {
-            let size = if format == Format::Gif { GIF_SIZE } else { SIZE };
-            let run = |world: &mut World, sink: &mut dyn Sink| self.run(world, span, sink);
-            Box::new(Film::of(&mut world, format, path, size, span, run)?)
+        if format.is_drawn() {
+            let size = wish.size.unwrap_or_else(|| size_of(format));
+            let run = &mut |world: &mut World, sink: &mut dyn Sink| self.run(world, span, sink);
+            let go_on = &mut |_| {
+                self.frames.fetch_add(1, Ordering::Relaxed);
+                self.check().map(|()| true)
+            };
+            Film::make(&mut world, format, path, size, span, run, go_on)?;
         } else {
-            export::sink(format, path, scene.target.surface(place)?, span)?
-        };
-        self.run(&mut world, span, &mut *sink)?;
-        sink.finish()?;
-        Ok(told(path, &world))
+            let mut sink = export::sink(format, path, scene.target.surface(place)?, span)?;
+            self.run(&mut world, span, &mut *sink)?;
+            sink.finish()?;
+        }
+        Ok(told(path, format, &world))
     }
 
     fn run(&self, world: &mut World, span: Span, sink: &mut dyn Sink) -> Result<u64, Refusal> {
         let before = self.frames.load(Ordering::Relaxed);
-        let is_stopped = || self.stop.load(Ordering::Relaxed);
         let frames = export::run(world, span, sink, &mut |frames| {
             self.frames.store(before + frames, Ordering::Relaxed);
-            !is_stopped()
+            self.check().is_ok()
         })?;
         self.frames.store(before + frames, Ordering::Relaxed);
-        if is_stopped() { Err(Refusal::new("export stopped; nothing is written")) } else { Ok(frames) }
+        self.check().map(|()| frames)
+    }
+
+    /// Whether it is to go on.
+    fn check(&self) -> Result<(), Refusal> {
+        let is_stopped = self.stop.load(Ordering::Relaxed);
+        if is_stopped { Err(Refusal::new("export stopped; nothing is written")) } else { Ok(()) }
     }
 }
 
-fn told(path: &Path, world: &World) -> String {
+/// What was done, and what to know of it.
+fn told(path: &Path, format: Format, world: &World) -> String {
     let path = path.display();
-    match world.health() {
+    let mut told = match world.health() {
         Health::Diverged { step, time, .. } => {
             format!("exported until it diverged in step {step} ({time:.4} s): {path}")
         }
         _ => format!("exported: {path}"),
+    };
+    for warning in world.warnings().into_iter().chain(export::closed_tears(format, world)) {
+        told += &format!("; {warning}");
     }
+    told
 }

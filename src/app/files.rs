@@ -12,6 +12,7 @@ use super::{
     session::Session,
 };
 use crate::{
+    export::Format,
     scene::{self, Mass, Opened, Pending, Place, Refusal, Scene, Target, read_limited, to_ron},
     world::{Recording, Script, World},
 };
@@ -31,6 +32,8 @@ pub enum Purpose {
     Record,
     /// A recording to play.
     Replay,
+    /// Where to export to.
+    Export,
 }
 
 /// What comes after a question was answered, or a file was saved.
@@ -186,6 +189,11 @@ impl Files {
             Purpose::Replay => (purpose, self.wait_for(dialog.add_filter("Recordings", &SCENES).pick_file())),
             Purpose::Save | Purpose::Record => {
                 let answer = dialog.add_filter("RON", &SCENES).set_file_name(name).save_file();
+                (purpose, self.wait_for(answer))
+            }
+            Purpose::Export => {
+                let formats = Format::ALL.map(|(extension, _)| extension);
+                let answer = dialog.add_filter("Motion", &formats).set_file_name(name).save_file();
                 (purpose, self.wait_for(answer))
             }
         });

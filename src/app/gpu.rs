@@ -113,6 +113,8 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::Failed`] with the driver's reason, once it has run out of memory or was lost.
     pub fn check(&self) -> Result<(), GpuError> {
+        // What the driver has to tell it tells when asked.
+        let _ = self.device.poll(wgpu::PollType::Poll);
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.as_ref().map_or(Ok(()), |reason| Err(GpuError::Failed(reason.clone())))
     }
@@ -168,11 +170,7 @@ fn watch(device: &wgpu::Device, failure: &Arc<Mutex<Option<String>>>) {
         keep(&first, error.to_string().replace('\n', " "));
     }));
     let first = Arc::clone(failure);
-    device.set_device_lost_callback(move |reason, message| {
-        if reason != wgpu::DeviceLostReason::Destroyed {
-            keep(&first, message.replace('\n', " "));
-        }
-    });
+    device.set_device_lost_callback(move |_, message| keep(&first, message.replace('\n', " ")));
 }
 
 /// Depth of every target: reversed floating point, so that near and far are equally exact.

@@ -15,6 +15,9 @@ pub struct Edit {
     pub redo: Vec<Order>,
 }
 
+/// Edits that can be taken back; the oldest are forgotten, or a day's work would fill the memory.
+const MOST: usize = 1000;
+
 /// Edits done and taken back.
 #[derive(Clone, Debug, Default)]
 pub struct History {
@@ -37,6 +40,9 @@ impl History {
         match self.done.last_mut().filter(|_| grows) {
             Some(last) => last.redo = edit.redo,
             None => self.done.push(edit),
+        }
+        if self.done.len() > MOST {
+            self.done.remove(0);
         }
         self.open = true;
     }
@@ -91,6 +97,17 @@ mod tests {
         assert_eq!(history.undo(), Some(set("dt", "1", "3")));
         assert_eq!(history.undo(), None);
         assert_eq!(history.redo(), Some(set("dt", "1", "3")));
+    }
+
+    #[test]
+    fn only_so_many_edits_are_remembered() {
+        let mut history = History::default();
+        for i in 0..2 * MOST {
+            history.push(set("dt", &i.to_string(), &(i + 1).to_string()));
+            history.seal();
+        }
+        let taken_back = std::iter::from_fn(|| history.undo()).count();
+        assert_eq!(taken_back, MOST);
     }
 
     #[test]

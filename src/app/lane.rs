@@ -24,6 +24,8 @@ use crate::{
 
 /// Particles from which on several threads step a cloth: below, telling them costs more than they do.
 const MANY: usize = 10_000;
+/// Most steps of a lane in a beat: orders wait for its end, however much shorter than the longest a dt may be.
+pub(super) const STEPS_OF_A_BEAT: u32 = 1000;
 /// More threads than these only wait for memory.
 const MOST_THREADS: usize = 8;
 
@@ -247,12 +249,16 @@ impl Lane {
     /// Whether another step would not pass a time.
     fn has_room(&self, time: f64) -> bool {
         let dt = self.world.scene().dt;
-        dt > 0.0 && self.clock() + dt <= time * (1.0 + 1e-12) + 1e-12
+        // Both times are rounded, and a dt far below their last digit moves neither.
+        dt > 0.0 && self.clock() + dt <= time * (1.0 + 1e-12) + 1e-6 * dt
     }
 
-    /// Takes the steps up to a time. `act` does before each what is to be done, and says whether there is to be one.
+    /// Takes the steps of a beat, up to a time. `act` does before each what is to be done, and says whether there is to be one.
     fn steps_to(&mut self, time: f64, mut act: impl FnMut(&mut Self) -> bool) {
-        while self.has_room(time) && act(self) && self.has_room(time) {
+        for _ in 0..STEPS_OF_A_BEAT {
+            if !(self.has_room(time) && act(self) && self.has_room(time)) {
+                break;
+            }
             let steps = self.world.steps();
             self.world.step();
             if self.world.steps() == steps {

@@ -11,6 +11,7 @@ pub mod film;
 pub mod gallery;
 pub mod geometry;
 pub mod gpu;
+mod graphics;
 pub mod hands;
 mod history;
 mod lane;
@@ -80,6 +81,8 @@ impl AppError {
 /// What is left once the window is closed.
 #[derive(Debug)]
 pub struct Closed {
+    /// Why it closed by itself, in one line, where that was not asked for.
+    pub failure: Option<String>,
     simulation: Option<JoinHandle<Engine>>,
 }
 
@@ -110,7 +113,8 @@ impl Closer {
     }
 }
 
-/// Opens scenes as lanes in a window, each stepping on so many threads if that is said, and returns when it is closed.
+/// Opens scenes as lanes in a window, each stepping on so many threads if that is said, and returns when it is closed. The
+/// simulation outlives a window that fails.
 ///
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
@@ -131,14 +135,15 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
             context.request_repaint();
         }
     })?;
-    let closed = Closed { simulation: simulation.thread() };
+    let mut closed = Closed { failure: None, simulation: simulation.thread() };
     let mut session = Session::new(Link::Thread(simulation), state, setups);
     session.start();
     let file = Preferences::file();
     let preferences = file.as_deref().map(Preferences::load).unwrap_or_default();
     let opening =
         shell::Opening { title, size: preferences.size, maximized: preferences.maximized, samples: None };
-    shell::run(opening, |stage| {
+    let opened = Arc::clone(&window);
+    let ended = shell::run(opening, |stage| {
         // Before the first frame nobody else sets them.
         let _ = window.set(stage.egui.clone());
         let _ = closer.0.1.set(stage.egui.clone());
@@ -147,10 +152,20 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
         workbench.closer = closer;
         workbench.restore.look(autosave::folder(), written, stage.egui);
         workbench
-    })?;
-    // Not where the window has failed: then the next one offers to go on.
-    if let Some(written) = ending {
-        written.end();
+    });
+    let end = || {
+        if let Some(written) = ending {
+            written.end();
+        }
+    };
+    match ended {
+        Ok(()) => end(),
+        Err(error) if opened.get().is_none() => {
+            end();
+            return Err(error.into());
+        }
+        // The next window offers to go on.
+        Err(error) => closed.failure = Some(error.to_string()),
     }
     Ok(closed)
 }

@@ -16,7 +16,7 @@ use winit::{
 use super::{
     display::{self, NoDisplay},
     gpu::{Attachments, Gpu, GpuError},
-    swapchain::Swapchain,
+    graphics::Graphics,
 };
 
 /// Why the window did not open or closed by itself; one line.
@@ -37,6 +37,9 @@ pub enum ShellError {
 pub trait Content {
     /// Panels; called for every repaint, on the window's thread: it must not wait.
     fn ui(&mut self, ui: &mut egui::Ui);
+
+    /// The device was lost, and there is another one: whatever lay on the old one is gone.
+    fn attach(&mut self, stage: &Stage<'_>);
 
     /// Draws what lies beneath the panels; must clear the canvas.
     fn draw(&mut self, canvas: &mut Canvas<'_>);
@@ -90,11 +93,14 @@ pub struct Opening {
 /// Opens a window and returns when it is closed.
 ///
 /// # Errors
-/// [`ShellError`] if it cannot open or the device is lost.
+/// [`ShellError`] if it cannot open, or the device is lost and there is no other.
 pub fn run<C: Content>(opening: Opening, build: impl FnOnce(&Stage<'_>) -> C) -> Result<(), ShellError> {
     display::probe()?;
-    let event_loop =
-        EventLoop::<Wake>::with_user_event().build().map_err(|_| NoDisplay::Silent(display::name()))?;
+    let mut builder = EventLoop::<Wake>::with_user_event();
+    #[cfg(all(target_os = "linux", feature = "app-test"))]
+    // Tests run on threads of their own.
+    winit::platform::x11::EventLoopBuilderExtX11::with_any_thread(&mut builder, true);
+    let event_loop = builder.build().map_err(|_| NoDisplay::Silent(display::name()))?;
     let mut shell =
         Shell { opening, build: Some(build), proxy: event_loop.create_proxy(), open: None, error: None };
     let ended = event_loop.run_app(&mut shell);
@@ -124,11 +130,9 @@ struct Shell<C, B> {
 /// An open window. Fields are dropped in this order: what lies on the device before the device.
 struct Open<C> {
     content: C,
-    painter: egui_wgpu::Renderer,
-    swapchain: Swapchain,
     egui: egui_winit::State,
     viewport: egui::ViewportInfo,
-    gpu: Gpu,
+    graphics: Graphics,
     window: Arc<Window>,
     repaint_at: Option<Instant>,
     /// When the next picture may be drawn that no key and no mouse asks for.
@@ -147,11 +151,8 @@ impl<C: Content, B: FnOnce(&Stage<'_>) -> C> Shell<C, B> {
             .create_window(attributes)
             .map(Arc::new)
             .map_err(|error| ShellError::Window(one_line(&error)))?;
-        let (gpu, surface) = Gpu::for_window(&window, event_loop.owned_display_handle())?;
-        let samples = self.opening.samples.unwrap_or_else(|| gpu.default_samples());
-        let swapchain = Swapchain::new(&gpu, Arc::clone(&window), surface, samples)?;
-        let painter =
-            egui_wgpu::Renderer::new(&gpu.device, swapchain.format(), egui_wgpu::RendererOptions::default());
+        let display = event_loop.owned_display_handle();
+        let graphics = Graphics::new(Arc::clone(&window), display, self.opening.samples)?;
         let context = egui::Context::default();
         let proxy = self.proxy.clone();
         context.set_request_repaint_callback(move |info| {
@@ -166,16 +167,14 @@ impl<C: Content, B: FnOnce(&Stage<'_>) -> C> Shell<C, B> {
             &window,
             Some(window.scale_factor() as f32),
             window.theme(),
-            Some(gpu.device.limits().max_texture_dimension_2d as usize),
+            graphics.texture_limit(),
         );
-        let content = build(&Stage { gpu: &gpu, format: swapchain.format(), samples, egui: &context });
+        let content = build(&graphics.stage(&context)?);
         Ok(Open {
             content,
-            painter,
-            swapchain,
             egui,
             viewport: egui::ViewportInfo::default(),
-            gpu,
+            graphics,
             window,
             repaint_at: Some(Instant::now()),
             rested_at: Instant::now(),
@@ -211,7 +210,7 @@ impl<C: Content, B: FnOnce(&Stage<'_>) -> C> ApplicationHandler<Wake> for Shell<
         let Some(open) = &mut self.open else { return };
         if matches!(event, WindowEvent::RedrawRequested) {
             open.redraw(event_loop);
-            if let Err(error) = open.gpu.check() {
+            if let Err(error) = open.recover() {
                 self.error = Some(error.into());
                 event_loop.exit();
             } else if open.content.is_finished() {
@@ -230,7 +229,7 @@ impl<C: Content, B: FnOnce(&Stage<'_>) -> C> ApplicationHandler<Wake> for Shell<
                 open.repaint_by(Instant::now());
             }
             WindowEvent::Resized(_) => {
-                open.swapchain.resize(&open.gpu);
+                open.graphics.resize();
                 open.repaint_by(Instant::now());
             }
             WindowEvent::Occluded(false) => open.repaint_by(Instant::now()),
@@ -275,23 +274,13 @@ impl<C: Content> Open<C> {
         let output = self.run_ui(event_loop);
         let pixels_per_point = output.pixels_per_point;
         let mut textures = output.textures_delta;
-        for (id, deltas) in textures.set.drain() {
-            for delta in deltas {
-                self.painter.update_texture(&self.gpu.device, &self.gpu.queue, id, &delta);
-            }
-        }
-        if let Some(frame) = self.swapchain.frame(&self.gpu) {
-            let shapes = self.egui.egui_ctx().tessellate(output.shapes, pixels_per_point);
-            self.paint(&frame, &shapes, pixels_per_point);
-            self.window.pre_present_notify();
-            self.gpu.queue.present(frame);
-        } else {
+        self.graphics.set_textures(&mut textures);
+        let shapes = self.egui.egui_ctx().tessellate(output.shapes, pixels_per_point);
+        if !self.graphics.paint(&mut self.content, &shapes, pixels_per_point) {
             self.repaint_by(Instant::now() + RETRY);
         }
-        for id in textures.free.drain() {
-            self.painter.free_texture(&id);
-        }
-        if self.gpu.software {
+        self.graphics.free_textures(&mut textures);
+        if self.graphics.is_software() {
             // The simulation needs the same cores: pictures get half of the time.
             self.rested_at = Instant::now() + start.elapsed();
         }
@@ -322,38 +311,13 @@ impl<C: Content> Open<C> {
         output
     }
 
-    fn paint(
-        &mut self,
-        frame: &wgpu::SurfaceTexture,
-        shapes: &[egui::ClippedPrimitive],
-        pixels_per_point: f32,
-    ) {
-        let Gpu { device, queue, .. } = &self.gpu;
-        let target = frame.texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.content.draw(&mut Canvas {
-            gpu: &self.gpu,
-            encoder: &mut encoder,
-            target: &target,
-            attachments: self.swapchain.attachments(),
-            pixels_per_point,
-        });
-        let screen = egui_wgpu::ScreenDescriptor {
-            size_in_pixels: self.swapchain.attachments().size(),
-            pixels_per_point,
-        };
-        let before = self.painter.update_buffers(device, queue, &mut encoder, shapes, &screen);
-        let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("panels"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &target,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
-            })],
-            ..Default::default()
-        });
-        self.painter.render(&mut pass.forget_lifetime(), shapes, &screen);
-        queue.submit(before.into_iter().chain([encoder.finish()]));
+    /// Goes on with another device where this one was lost.
+    fn recover(&mut self) -> Result<(), GpuError> {
+        if self.graphics.recover()? {
+            let context = self.egui.egui_ctx().clone();
+            self.content.attach(&self.graphics.stage(&context)?);
+            self.repaint_by(Instant::now());
+        }
+        Ok(())
     }
 }

@@ -232,7 +232,7 @@ impl Workbench {
                 self.request(Next::Open(name.to_owned()));
             }
         }
-        self.export.ui(&ctx, &mut self.session);
+        self.export.ui(&ctx, &mut self.session, &mut self.files);
         if self.shows_help {
             panels::help_ui(&ctx, &mut self.shows_help);
         }
@@ -280,6 +280,7 @@ impl Workbench {
                 self.ask = None;
                 Files::record(&mut self.session, &path);
             }
+            Some((Purpose::Export, path)) => self.export.take(&path),
             None => {}
         }
         if let Some(next) = next {
@@ -516,6 +517,12 @@ fn section(ui: &mut Ui, name: &str, contents: impl FnOnce(&mut Ui)) {
 impl Content for Workbench {
     fn ui(&mut self, ui: &mut Ui) {
         Self::ui(self, ui);
+    }
+
+    fn attach(&mut self, stage: &Stage<'_>) {
+        Self::attach(self, stage);
+        self.session.message =
+            Some("the graphics device was lost; drawing goes on with another one".to_owned());
     }
 
     fn draw(&mut self, canvas: &mut Canvas<'_>) {

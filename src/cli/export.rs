@@ -53,14 +53,18 @@ pub fn export(options: &Options) -> Result<Ending, Refusal> {
     let opened = common.open(&options.scene)?;
     let mut world = common.world(&opened)?;
     catch_interrupt();
-    let mut sink = sink(format, options, &opened, &mut world, span)?;
-    common.warn(&world.warnings());
-    let frames = watched(common, &mut world, span, &mut *sink)?;
-    sink.finish()?;
-    let format = format.name();
+    let frames = if format.is_drawn() {
+        pictures(format, options, &mut world, span)?
+    } else {
+        let mut sink = sink(format, options, &opened, &world, span)?;
+        common.warn(&world.warnings());
+        let frames = watched(common, &mut world, span, &mut *sink)?;
+        sink.finish()?;
+        frames
+    };
     let (steps, time, health) = (world.steps(), world.time(), world.health());
     if common.json {
-        let written = Written { out, format, frames, fps: span.fps, steps, time, health };
+        let written = Written { out, format: format.name(), frames, fps: span.fps, steps, time, health };
         output::print(&output::json(&written)?);
     }
     tell(options, &world, span, frames, format);
@@ -78,19 +82,16 @@ fn watched(common: &Common, world: &mut World, span: Span, sink: &mut dyn Sink) 
     frames
 }
 
-fn tell(options: &Options, world: &World, span: Span, frames: u64, format: &str) {
+fn tell(options: &Options, world: &World, span: Span, frames: u64, format: Format) {
     let Options { out, common, .. } = options;
     let mut warnings = Vec::new();
     if interrupted() && frames < span.frames() {
         warnings.push(format!("interrupted after {frames} of {} frames", span.frames()));
     }
-    if !world.broken().is_empty() && matches!(format, "obj" | "gltf" | "glb" | "pc2") {
-        let torn = world.broken().len();
-        warnings.push(format!("{torn} springs are torn; the exported faces stay closed"));
-    }
+    warnings.extend(export::closed_tears(format, world));
     common.warn(&warnings);
     let last = span.time(frames.saturating_sub(1));
-    common.say(&format!("{}: {format}, {frames} frames from 0 to {last} s", out.display()));
+    common.say(&format!("{}: {}, {frames} frames from 0 to {last} s", out.display(), format.name()));
     if let Health::Diverged { step, time, particle } = world.health() {
         common.say(&format!(
             "health: diverged in step {step} ({time:.4} s) at particle {particle}; the frames before that are written"
@@ -98,17 +99,14 @@ fn tell(options: &Options, world: &World, span: Span, frames: u64, format: &str)
     }
 }
 
-/// The writer of a format.
+/// The writer of a format that is not drawn.
 fn sink(
     format: Format,
     options: &Options,
     opened: &Opened,
-    world: &mut World,
+    world: &World,
     span: Span,
 ) -> Result<Box<dyn Sink>, Refusal> {
-    if format.is_drawn() {
-        return pictures(format, options, world, span);
-    }
     let surface = opened.scene.target.surface(&opened.place)?;
     if surface.particles() > world.pinned().len() {
         return Err(Refusal::new(format!("{}: the mesh changed while it was read; try again", opened.title)));
@@ -117,32 +115,39 @@ fn sink(
 }
 
 #[cfg(not(feature = "app"))]
-fn pictures(_: Format, options: &Options, _: &mut World, _: Span) -> Result<Box<dyn Sink>, Refusal> {
+fn pictures(_: Format, options: &Options, _: &mut World, _: Span) -> Result<u64, Refusal> {
     let out = options.out.display();
     Err(Refusal::new(format!(
         "{out}: is not drawn: this build has no renderer; build it with the feature app"
     )))
 }
 
-/// Pictures are taken from where the whole motion is seen, so the world runs once before.
+/// Draws a motion; the number of pictures.
 #[cfg(feature = "app")]
-fn pictures(
-    format: Format,
-    options: &Options,
-    world: &mut World,
-    span: Span,
-) -> Result<Box<dyn Sink>, Refusal> {
-    use crate::app::film::Film;
-    let size = options.size.unwrap_or(if format == Format::Gif { [640, 400] } else { render::SIZE });
-    let film = Film::of(world, format, &options.out, size, span, |world, sink| {
-        let frames = watched(&options.common, world, span, sink)?;
-        if interrupted() {
-            let out = options.out.display();
+fn pictures(format: Format, options: &Options, world: &mut World, span: Span) -> Result<u64, Refusal> {
+    use crate::app::{exporting::size_of, film::Film};
+    let Options { out, common, .. } = options;
+    let size = options.size.unwrap_or_else(|| size_of(format));
+    let mut is_framed = false;
+    let run = &mut |world: &mut World, sink: &mut dyn Sink| {
+        if !is_framed {
+            common.warn(&world.warnings());
+        }
+        let frames = watched(common, world, span, sink)?;
+        if interrupted() && !std::mem::replace(&mut is_framed, true) {
             return Err(Refusal::new(format!(
-                "{out}: interrupted before the first picture; nothing is written"
+                "{}: interrupted before the first picture; nothing is written",
+                out.display()
             )));
         }
+        is_framed = true;
         Ok(frames)
-    })?;
-    Ok(Box::new(film))
+    };
+    let bar = progress(common, span.frames());
+    let frames = Film::make(world, format, out, size, span, run, &mut |drawn| {
+        bar.set_position(drawn);
+        Ok(drawn == 0 || !interrupted())
+    });
+    bar.finish_and_clear();
+    frames
 }

@@ -24,6 +24,9 @@ enum Window {
     /// It was closed; with what was done to the first scene, if that was asked for.
     #[cfg_attr(not(feature = "app"), expect(dead_code))]
     Closed(Option<Box<(Recording, Place)>>),
+    /// It failed, and why; with what was done to the first scene until then, where that can be replayed.
+    #[cfg_attr(not(feature = "app"), expect(dead_code))]
+    Failed(String, Option<Box<(Recording, Place)>>),
     /// It could not be opened, and why.
     None(String),
 }
@@ -49,6 +52,14 @@ pub fn workbench(options: &Options) -> Result<Ending, Refusal> {
             }
             Ok(Ending::Done)
         }
+        Window::Failed(why, done) => {
+            let Some(done) = done else { return Err(Refusal::new(why)) };
+            let (recording, place) = *done;
+            let path = options.record.clone().unwrap_or_else(|| beside(&opened[0].title, "ron"));
+            record.map_or_else(|| Record::new(&path), Ok)?.finish(recording, &place)?;
+            let path = path.display();
+            Err(Refusal::new(format!("{why}; what was done until then is in {path}, for tenter replay")))
+        }
         Window::None(why) => headless(&opened[0], &why, record, common),
     }
 }
@@ -60,7 +71,10 @@ fn window(scenes: &[Opened], common: &Common, record: bool) -> Result<Window, Re
     super::run::on_interrupt(move || close.close());
     match crate::app::run(scenes.to_vec(), common.threads.map(|threads| threads as usize), closer) {
         // The recording waits for the step under way: nobody else has to.
-        Ok(closed) => Ok(Window::Closed(if record { closed.recording().map(Box::new) } else { None })),
+        Ok(closed) => Ok(match closed.failure.clone() {
+            Some(why) => Window::Failed(why, closed.recording().map(Box::new)),
+            None => Window::Closed(if record { closed.recording().map(Box::new) } else { None }),
+        }),
         Err(e) if e.is_no_window() => Ok(Window::None(e.to_string())),
         Err(e) => Err(Refusal::new(e.to_string())),
     }
@@ -92,7 +106,7 @@ fn headless(opened: &Opened, why: &str, record: Option<Record>, common: &Common)
 #[cfg(feature = "app")]
 fn picture(world: &World, title: &str, common: &Common) {
     use super::render::Painter;
-    let path = picture_of(title);
+    let path = beside(title, "png");
     match Painter::new(&path, super::render::SIZE).and_then(|painter| painter.draw(world, title)) {
         Ok(drawn) => common.say(&drawn.summary()),
         Err(e) => common.warn(&[format!("no picture: {e}")]),
@@ -102,10 +116,9 @@ fn picture(world: &World, title: &str, common: &Common) {
 #[cfg(not(feature = "app"))]
 fn picture(_: &World, _: &str, _: &Common) {}
 
-/// The picture's name in the current folder.
-#[cfg(feature = "app")]
-fn picture_of(title: &str) -> PathBuf {
+/// A name in the current folder for what belongs to a scene.
+fn beside(title: &str, extension: &str) -> PathBuf {
     let stem = std::path::Path::new(title).file_stem().unwrap_or_default().to_string_lossy();
     let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
-    PathBuf::from(format!("tenter-{}.png", stem.chars().map(plain).collect::<String>()))
+    PathBuf::from(format!("tenter-{}.{extension}", stem.chars().map(plain).collect::<String>()))
 }

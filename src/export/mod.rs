@@ -210,6 +210,13 @@ pub fn run(
     Ok(span.frames())
 }
 
+/// What a format cannot show of a world.
+pub fn closed_tears(format: Format, world: &World) -> Option<String> {
+    let torn = world.broken().len();
+    let is_mesh = !format.is_drawn() && format != Format::Csv;
+    (torn > 0 && is_mesh).then(|| format!("{torn} springs are torn; the exported faces stay closed"))
+}
+
 /// A position in single precision, as point caches and glTF have it.
 fn single(p: DVec3) -> [u8; 12] {
     bytemuck::cast(p.as_vec3().to_array().map(f32::to_le_bytes))

@@ -8,7 +8,7 @@ use tenter::scene::{Place, Scene};
 
 fn wish(folder: &Path, name: &str, seconds: f64) -> Wish {
     let scene = Scene::default();
-    Wish { scene, place: Place::default(), path: folder.join(name), seconds, fps: 25.0 }
+    Wish { scene, place: Place::default(), path: folder.join(name), seconds, fps: 25.0, size: None }
 }
 
 /// What an export tells once it has ended.

@@ -187,3 +187,17 @@ fn a_large_cloth_has_its_limit_too_found_in_parts() {
     engine.limit_at = Instant::now() + Duration::from_mins(1);
     assert_eq!(engine.state().lanes[0].limit, Limit::Unknown, "another method has another limit");
 }
+
+/// Orders wait for the end of a beat: however small a dt is, there must be one soon.
+#[test]
+fn a_beat_has_an_end_whatever_the_steps() {
+    let steps = |scenes: &[&str]| {
+        let mut engine = engine(scenes);
+        engine.take(Order::Step(3));
+        engine.state().lanes.iter().map(|lane| lane.steps).collect::<Vec<_>>()
+    };
+    assert_eq!(steps(&["(dt: 1e-20)"]), [3]);
+    assert_eq!(steps(&["(dt: 0.1)", "(dt: 0.001)"]), [3, 300]);
+    let apart = steps(&["(dt: 0.1)", "(dt: 1e-20)"]);
+    assert!(apart[0] <= 3 && apart[1] <= u64::from(3 * STEPS_OF_A_BEAT), "{apart:?}");
+}

@@ -1,0 +1,4 @@
+//! A glTF or GLB file of bytes at random.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| tenter_fuzz::gltf(bytes));

@@ -1,0 +1,4 @@
+//! An OBJ file of bytes at random.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| tenter_fuzz::obj(bytes));
