@@ -117,8 +117,18 @@ fn grows(
     let last = if damped { JUDGED[4] } else { JUDGED[2] };
     let rest = &problem.springs.rest;
     let small = 1e-6 * (rest.iter().sum::<f64>() / rest.len().max(1) as f64).max(f64::MIN_POSITIVE);
-    let mut base = state.clone();
+    // What the method carries from step to step is disturbed with the shape, around what a shape held fast leaves in it: a
+    // step takes the memory that the step before left. A controller's is its own affair: it starts afresh in every step.
+    let mut remembered = state.clone();
+    remembered.memory.forget();
+    step(&mut remembered);
+    let mut memory = remembered.memory;
+    if !memory.numbers.is_empty() {
+        memory.forget();
+    }
+    let mut base = Particles { memory: memory.clone(), ..state.clone() };
     step(&mut base);
+    let mut missed = vec![DVec3::ZERO; memory.vectors.len()];
 
     let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
     let mut random = || {
@@ -141,8 +151,8 @@ fn grows(
     for n in 1..=last {
         moved.positions.clone_from(&state.positions);
         moved.velocities.clone_from(&state.velocities);
-        // A multistep method starts afresh: what it remembers belongs to a trajectory, not to a shape held fast.
-        moved.memory.clone_from(&state.memory);
+        moved.memory.clone_from(&memory);
+        moved.memory.vectors.iter_mut().zip(&missed).for_each(|(m, d)| *m += *d * scale);
         for ((x, v), [dx, dv]) in moved.positions.iter_mut().zip(&mut moved.velocities).zip(&disturbance) {
             *x += *dx * scale;
             *v += *dv * (scale / dt);
@@ -153,6 +163,8 @@ fn grows(
         for (d, ((x, v), (x0, v0))) in disturbance.iter_mut().zip(after.zip(before)) {
             *d = [*x - *x0, (*v - *v0) * dt];
         }
+        let remembered = moved.memory.vectors.iter().zip(&base.memory.vectors);
+        missed.iter_mut().zip(remembered).for_each(|(d, (m, m0))| *d = *m - *m0);
         let now = size(&disturbance);
         if !now.is_finite() {
             return Ok(true);
