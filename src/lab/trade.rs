@@ -76,6 +76,8 @@ pub struct Order {
     pub declared: u32,
     /// Mean slope over the last halvings of dt that can be told, three at most; in Double.
     pub observed: Option<f64>,
+    /// How many halvings these are.
+    pub halvings: usize,
     /// Whether these are three halvings whose slopes agree within 0.2 of their mean: only then does the leading term of the
     /// error rule, and the slope is an order.
     pub asymptotic: bool,
@@ -83,12 +85,18 @@ pub struct Order {
     pub flagged: bool,
 }
 
+/// Halvings that are averaged.
+const HALVINGS: usize = 3;
+
 impl Order {
     /// What was observed, in words.
     pub fn told(&self) -> String {
         match self.observed {
             None => "not to be told".to_owned(),
             Some(observed) if self.asymptotic => format!("{observed:.2}"),
+            Some(observed) if self.halvings < HALVINGS => {
+                format!("{observed:.2} over {} of the {HALVINGS} halvings that it takes", self.halvings)
+            }
             Some(observed) => format!("not asymptotic (mean slope {observed:.2})"),
         }
     }
@@ -400,8 +408,6 @@ fn flag_pareto(rows: &mut [Row], floor: f64) {
 
 /// The observed order of every method that solves the springs.
 fn orders(rows: &[Row]) -> Vec<Order> {
-    /// Halvings that are averaged.
-    const HALVINGS: usize = 3;
     /// How far slopes may be from each other's mean, and an order from the declared one.
     const OFF: f64 = 0.2;
     let mut orders: Vec<Order> = Vec::new();
@@ -434,6 +440,7 @@ fn orders(rows: &[Row]) -> Vec<Order> {
             params: params.clone(),
             declared,
             observed,
+            halvings: slopes.len(),
             asymptotic,
             flagged: springs && asymptotic && observed.is_some_and(|o| (o - f64::from(declared)).abs() > OFF),
         });
