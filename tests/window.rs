@@ -14,7 +14,7 @@ use std::process::{Command, Output};
 use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
-use tenter::app::engine::{Engine, LaneSetup, Order};
+use tenter::app::engine::{Engine, LaneSetup, Order, Origin};
 use tenter::app::session::{Link, Session};
 use tenter::app::shell::{self, Canvas, Content, Opening, ShellError, Stage};
 use tenter::app::workbench::Workbench;
@@ -236,8 +236,13 @@ impl Content for Losing {
 
 /// Shows a sheet after 10 steps until 12 pictures were drawn; how the window closed, with what [`Losing`] tells.
 fn show(lost: fn(u32) -> [bool; 2]) -> (Result<(), ShellError>, u32, u64) {
-    let setup =
-        LaneSetup { title: "sheet".to_owned(), scene: Scene::default(), place: Place::default(), file: None };
+    let setup = LaneSetup {
+        title: "sheet".to_owned(),
+        scene: Scene::default(),
+        place: Place::default(),
+        file: None,
+        origin: Origin::Start,
+    };
     let mut engine = Engine::new(vec![setup.clone()]).expect("opens");
     let state = engine.state();
     let mut session = Session::new(Link::Here(Box::new(engine)), state, vec![setup]);

@@ -1,7 +1,8 @@
 //! Nanoseconds per spring visit of every method beside the machine's bounds and hand-written kernels, all in one run.
 //!
 //! `cargo bench --no-default-features --bench kernels`: explicit steps in every size, order of numbering, precision and
-//! number of threads. `-- sweeps`: relaxation and XPBD; `-- methods`: every method in both precisions; `-- around`: building and measuring; with `large`, 1000²
+//! number of threads. `-- sweeps`: relaxation and XPBD; `-- methods`: every method in both precisions; `-- around`: building,
+//! measuring, and the limit of stability; with `large`, 1000²
 //! particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits all of
 //! them alike.
 #![allow(missing_docs, clippy::unwrap_used)]
@@ -15,7 +16,7 @@ use std::time::{Duration, Instant};
 use tenter::scene::{GridTarget, Pin, Pins, Place, Precision, Scene, Target};
 use tenter::simulators::{self, SimulatorSettings};
 use tenter::target::grid;
-use tenter::world::World;
+use tenter::world::{Command, World};
 
 /// A sheet on two corners. The step is far below the limit, so that no method bursts.
 fn scene(side: u32, simulator: &str, precision: Precision) -> Scene {
@@ -274,6 +275,38 @@ fn around(sides: &[u32]) {
     }
 }
 
+/// The limit of stability, looked for in parts as the workbench's gauge does, from where the search before has ended.
+fn limits(sides: &[u32]) {
+    println!("limit of stability in parts: ms in all, the longest part, and how many steps take as long");
+    for id in ["symplectic_euler", "velocity_verlet", "explicit_euler", "rk4"] {
+        for &side in sides {
+            let mut world = sheet(side, false, "symplectic_euler", Precision::Single, 1);
+            let start = Instant::now();
+            (0..50).for_each(|_| world.step());
+            let step = start.elapsed().as_secs_f64() / 50.0;
+            world.apply(Command::Set { key: "simulator.id".into(), value: id.into() }).unwrap();
+            let mut earlier = None;
+            let mut last = (0.0, 0.0_f64);
+            for _ in 0..2 {
+                let spectrum = world.spectrum().in_parts(earlier.take());
+                last = (0.0, 0.0);
+                loop {
+                    let start = Instant::now();
+                    spectrum.allow((100_000 / (side * side) as usize).clamp(1, 1000));
+                    std::hint::black_box(world.dt_limit(&spectrum));
+                    let part = start.elapsed().as_secs_f64();
+                    last = (last.0 + part, last.1.max(part));
+                    if spectrum.is_settled() {
+                        break;
+                    }
+                }
+                earlier = Some(spectrum);
+            }
+            println!("{id:20} {side:4}²: {:8.2} {:8.2} {:8.0}", last.0 * 1e3, last.1 * 1e3, last.0 / step);
+        }
+    }
+}
+
 fn main() {
     let asked = |word: &str| std::env::args().any(|argument| argument == word);
     let sides: &[u32] = if asked("large") { &[25, 100, 316, 1000] } else { &[25, 100, 316] };
@@ -283,6 +316,7 @@ fn main() {
         sweeps(sides);
     } else if asked("around") {
         around(sides);
+        limits(sides);
     } else {
         explicit(sides);
     }

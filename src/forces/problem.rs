@@ -171,6 +171,12 @@ impl<T: Real> Problem<T> {
         self.inverse_mass[particle] = if fixed { T::ZERO } else { T::ONE / self.mass[particle] };
     }
 
+    /// Whether a hand pulls, or moves a particle that it holds: what it does next is not known before the step after.
+    pub fn is_handled(&self, state: &Particles<T>) -> bool {
+        let mut held = state.velocities.iter().zip(&self.inverse_mass);
+        !self.pulls.is_empty() || held.any(|(v, &w)| w <= T::ZERO && *v != T::Vec3::ZERO)
+    }
+
     /// Number of particles.
     pub fn particles(&self) -> usize {
         self.mass.len()

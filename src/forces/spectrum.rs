@@ -29,6 +29,8 @@ pub struct Spectrum {
     spring_damping: f64,
     /// c, kg/s.
     air_damping: f64,
+    /// Whether it stands for every shape of the cloth.
+    any_shape: bool,
     /// Where it is asked in parts.
     parts: Option<Mutex<Parts>>,
 }
@@ -36,8 +38,9 @@ pub struct Spectrum {
 /// What is known of the motions that were asked for, and how far the search for the next one has come.
 #[derive(Debug, Default)]
 struct Parts {
-    known: Vec<([f64; 2], Mode)>,
+    known: Vec<([f64; 2], Mode, Vec<DVec3>)>,
     current: Option<([f64; 2], Search)>,
+    damped: damped::Progress,
     /// Iterations that may still be taken.
     left: usize,
     /// The last motion that was found, where the next search begins.
@@ -94,6 +97,7 @@ impl Spectrum {
                 .collect(),
             spring_damping: problem.spring_damping.to_f64(),
             air_damping: problem.air_damping.to_f64(),
+            any_shape: false,
             parts: None,
         }
     }
@@ -105,8 +109,14 @@ impl Spectrum {
         let found = earlier
             .and_then(|e| e.parts)
             .map(|parts| parts.into_inner().unwrap_or_else(PoisonError::into_inner));
-        let found = found.map(|parts| parts.found).filter(|found| found.len() == self.inverse_root.len());
-        self.parts = Some(Mutex::new(Parts { found: found.unwrap_or_default(), ..Parts::default() }));
+        let n = self.inverse_root.len();
+        let (found, damped) = found.map(|parts| (parts.found, parts.damped.found())).unwrap_or_default();
+        let fits = |shape: &Vec<DVec3>| shape.len() == n;
+        self.parts = Some(Mutex::new(Parts {
+            found: Some(found).filter(fits).unwrap_or_default(),
+            damped: damped::Progress::near(damped.into_iter().filter(fits).collect()),
+            ..Parts::default()
+        }));
         self
     }
 
@@ -119,8 +129,10 @@ impl Spectrum {
 
     /// Whether everything that was asked for since iterations were last allowed has been found.
     pub fn is_settled(&self) -> bool {
-        let unsettled =
-            |parts: &Mutex<Parts>| parts.lock().unwrap_or_else(PoisonError::into_inner).current.is_some();
+        let unsettled = |parts: &Mutex<Parts>| {
+            let parts = parts.lock().unwrap_or_else(PoisonError::into_inner);
+            parts.current.is_some() || parts.damped.is_under_way()
+        };
         !self.parts.as_ref().is_some_and(unsettled)
     }
 
@@ -128,7 +140,7 @@ impl Spectrum {
     /// times the graph Laplacian, which no stretched or turned spring exceeds.
     pub fn stiffest<T: Real>(problem: &Problem<T>) -> Self {
         let at_once = Particles::<T>::at_rest(vec![T::Vec3::default(); problem.particles()]);
-        let mut spectrum = Self::of(problem, &at_once);
+        let mut spectrum = Self { any_shape: true, ..Self::of(problem, &at_once) };
         for group in &problem.springs.groups {
             let k = group.stiffness.to_f64();
             spectrum.springs[group.range.clone()].iter_mut().for_each(|s| (s.along, s.across) = (k, k));
@@ -151,7 +163,7 @@ impl Spectrum {
             return self.mode(&top_eigenvector(&self.inverse_root, &apply));
         };
         let mut parts = parts.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, mode)) = parts.known.iter().find(|(known, _)| *known == [a, b]) {
+        if let Some((_, mode, _)) = parts.known.iter().find(|(known, ..)| *known == [a, b]) {
             return *mode;
         }
         let begun = parts.current.take();
@@ -169,8 +181,8 @@ impl Spectrum {
         }
         let mode = self.mode(&search.x);
         if found {
-            parts.known.push(([a, b], mode));
-            parts.found = search.x;
+            parts.found.clone_from(&search.x);
+            parts.known.push(([a, b], mode, search.x));
         } else {
             parts.current = Some(([a, b], search));
         }

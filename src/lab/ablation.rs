@@ -385,6 +385,9 @@ impl Row {
         match (self.health, self.needed, self.absent) {
             (Zone::Diverged, _, false) => "needed: bursts without it",
             (_, true, false) => "needed",
+            (_, false, false) if self.ingredient == "tearing" && self.change == Some(0.0) => {
+                "not needed: nothing tears within the time compared"
+            }
             (_, false, false) => "not needed",
             (_, true, true) => "needed, and the scene does without it",
             (_, false, true) => "not needed: the scene does without it already",

@@ -3,11 +3,13 @@
 //! The limits belong to the case's state as it stands. *Theory*: the method's own region of stability on the extreme
 //! motions of the current shape. *Guaranteed*: the same with every spring taken as k in all directions, which no shape
 //! exceeds. *Measured*: the method's own steps, around that state held fast, applied again and again to a small
-//! disturbance (power iteration on the step's derivative); the limit is where it starts to grow.
+//! disturbance (power iteration on the step's derivative); the limit is where it starts to grow. A shape in motion is held fast
+//! too: what is told is the limit there and then. Where it buckles, that growth is the cloth's own and in no method's limit.
 //!
 //! The map tells what becomes of the scene itself: quiet, unsettled (bounded, but shaking from step to step), or diverged,
 //! as the world's own health says. Its boundaries are found by bisection.
 
+mod growth;
 mod limits;
 
 pub use limits::limit;

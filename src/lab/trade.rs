@@ -76,8 +76,30 @@ pub struct Order {
     pub declared: u32,
     /// Mean slope over the last halvings of dt that can be told, three at most; in Double.
     pub observed: Option<f64>,
-    /// Whether the two differ by more than 0.2.
+    /// How many halvings these are.
+    pub halvings: usize,
+    /// Whether these are three halvings whose slopes agree within 0.2 of their mean: only then does the leading term of the
+    /// error rule, and the slope is an order.
+    pub asymptotic: bool,
+    /// Whether an order was observed that differs from the declared one by more than 0.2.
     pub flagged: bool,
+}
+
+/// Halvings that are averaged.
+const HALVINGS: usize = 3;
+
+impl Order {
+    /// What was observed, in words.
+    pub fn told(&self) -> String {
+        match self.observed {
+            None => "not to be told".to_owned(),
+            Some(observed) if self.asymptotic => format!("{observed:.2}"),
+            Some(observed) if self.halvings < HALVINGS => {
+                format!("{observed:.2} over {} of the {HALVINGS} halvings that it takes", self.halvings)
+            }
+            Some(observed) => format!("not asymptotic (mean slope {observed:.2})"),
+        }
+    }
 }
 
 /// The whole table.
@@ -386,8 +408,8 @@ fn flag_pareto(rows: &mut [Row], floor: f64) {
 
 /// The observed order of every method that solves the springs.
 fn orders(rows: &[Row]) -> Vec<Order> {
-    /// Halvings that are averaged.
-    const HALVINGS: usize = 3;
+    /// How far slopes may be from each other's mean, and an order from the declared one.
+    const OFF: f64 = 0.2;
     let mut orders: Vec<Order> = Vec::new();
     let told = |row: &&Row| row.settings.precision == Precision::Double && row.same_model;
     for row in rows.iter().filter(told) {
@@ -403,23 +425,24 @@ fn orders(rows: &[Row]) -> Vec<Order> {
             .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.truncate(HALVINGS + 1);
-        let observed = match (points.first(), points.last()) {
-            (Some(fine), Some(coarse)) if coarse.0 > fine.0 => {
-                Some((coarse.1 - fine.1) / (coarse.0 - fine.0))
-            }
-            _ => None,
-        };
+        let slopes: Vec<f64> =
+            points.windows(2).map(|pair| (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0)).collect();
+        let observed = (!slopes.is_empty()).then(|| slopes.iter().sum::<f64>() / slopes.len() as f64);
+        let agree = |mean: f64| slopes.iter().all(|slope| (slope - mean).abs() <= OFF);
         let entry = simulators::find(simulator);
         let declared = entry.as_ref().map_or(0, |entry| entry.order);
         let springs = entry.as_ref().is_ok_and(|entry| entry.model == Model::Springs);
         // One that chooses its own steps errs by its tolerance, not by dt.
         let observed = observed.filter(|_| !entry.is_ok_and(super::adaptive));
+        let asymptotic = slopes.len() == HALVINGS && observed.is_some_and(agree);
         orders.push(Order {
             simulator: simulator.clone(),
             params: params.clone(),
             declared,
             observed,
-            flagged: springs && observed.is_some_and(|o| (o - f64::from(declared)).abs() > 0.2),
+            halvings: slopes.len(),
+            asymptotic,
+            flagged: springs && asymptotic && observed.is_some_and(|o| (o - f64::from(declared)).abs() > OFF),
         });
     }
     orders

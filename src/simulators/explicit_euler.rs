@@ -5,8 +5,8 @@
 //! It adds energy to every oscillation: amplitudes grow by sqrt(1 + dt² ω²) a step unless damping takes away more, so
 //! an undamped cloth has no stable dt at all. It is here to be seen bursting, and to be compared with.
 
-use super::{Model, Simulator};
-use crate::forces::{Cost, Problem, Spectrum};
+use super::{Model, Simulator, region};
+use crate::forces::{Cost, Mode, Problem, Spectrum};
 use crate::math::Real;
 use crate::model::Particles;
 
@@ -41,20 +41,11 @@ impl Simulator for ExplicitEuler {
     }
 
     /// A motion x'' + g x' + ω² x = 0 stays bounded while dt ω² ≤ g (where it oscillates) and 2 dt g - dt² ω² ≤ 4 (where
-    /// it creeps), by Jury's criterion on z² - (2 - dt g) z + 1 - dt g + dt² ω². The motion that asks most is found by
-    /// taking the most critical one for a dt, and the dt that is right for that one, in turn.
+    /// it creeps), by Jury's criterion on z² - (2 - dt g) z + 1 - dt g + dt² ω².
     fn dt_limit(&self, spectrum: &Spectrum) -> Option<f64> {
-        let creeping = spectrum.extreme(0.0, 1.0).damping;
-        let fastest = spectrum.extreme(1.0, 0.0);
-        let mut dt = fastest.damping / fastest.omega_squared;
-        for _ in 0..4 {
-            let mode = spectrum.extreme(dt, -1.0);
-            let next = dt.min(mode.damping / mode.omega_squared);
-            if dt - next <= 1e-6 * dt {
-                break;
-            }
-            dt = next;
-        }
-        Some(dt.min(2.0 / creeping).max(0.0)).filter(|dt| dt.is_finite())
+        region::dt_limit(spectrum, |Mode { omega_squared, damping }| {
+            let creeping = damping * damping - 4.0 * omega_squared;
+            if creeping >= 0.0 { 4.0 / (damping + creeping.sqrt()) } else { damping / omega_squared }
+        })
     }
 }

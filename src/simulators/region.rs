@@ -1,22 +1,15 @@
-//! The longest stable step of a method from how it multiplies a motion x'' + g x' + ω² x = 0 each step.
+//! The longest stable step of a method that multiplies each motion x'' + g x' + ω² x = 0 by itself each step.
 
 use crate::forces::{Mode, Spectrum};
 
-/// The longest dt (s) at which `multiplier` (the spectral radius of one step of the method on a motion) is at most 1 for
-/// every shorter dt too.
-///
-/// Three motions are looked at: the fastest, the most damped, and the one for which both together are largest at the
-/// limit. Without damping, and where damping and stiffness share their extreme motion, that is exact.
-pub(super) fn dt_limit(spectrum: &Spectrum, multiplier: impl Fn(Mode, f64) -> f64) -> Option<f64> {
-    let limit = |mode| longest_stable(mode, &multiplier);
-    let dt = limit(spectrum.extreme(1.0, 0.0)).min(limit(spectrum.extreme(0.0, 1.0)));
-    if !dt.is_finite() {
-        return None;
-    }
-    Some(dt.min(limit(spectrum.extreme(dt * dt, 2.0 * dt))))
+/// The longest stable dt (s) of a cloth from that of a single motion, `alone`: the shortest one over the cloth's damped motions.
+pub(super) fn dt_limit(spectrum: &Spectrum, alone: impl Fn(Mode) -> f64) -> Option<f64> {
+    Some(spectrum.smallest_over_damped(&alone)).filter(|dt| dt.is_finite())
 }
 
-fn longest_stable(mode: Mode, multiplier: impl Fn(Mode, f64) -> f64) -> f64 {
+/// The longest dt (s) at which `multiplier` (the spectral radius of one step of the method on a motion) is at most 1 for
+/// every shorter dt too.
+pub(super) fn longest_stable(mode: Mode, multiplier: impl Fn(Mode, f64) -> f64) -> f64 {
     /// What rounding may add to 1.
     const ROUNDING: f64 = 1e-9;
     /// Steps in which the rate is walked through: fine against the bays of any region of stability.

@@ -88,11 +88,12 @@ impl Simulator for Rk4 {
     /// dt ω ≤ 2.828 without damping, dt g ≤ 2.785 where damping rules (Hairer, Wanner, "Solving Ordinary Differential
     /// Equations II", 1996, IV.2).
     fn dt_limit(&self, spectrum: &Spectrum) -> Option<f64> {
-        region::dt_limit(spectrum, |Mode { omega_squared, damping }, dt| {
+        let multiplier = |Mode { omega_squared, damping }: Mode, dt: f64| {
             let (middle, square) = (-0.5 * dt * damping, dt * dt * (0.25 * damping * damping - omega_squared));
             let root = square.abs().sqrt();
             if square > 0.0 { growth(middle - root, 0.0) } else { growth(middle, root) }
-        })
+        };
+        region::dt_limit(spectrum, |mode| region::longest_stable(mode, multiplier))
     }
 }
 

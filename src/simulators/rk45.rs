@@ -114,8 +114,7 @@ impl Simulator for Rk45 {
             [wanted, last_error, begin, length] => Controller { wanted, last_error, begin, length },
             _ => Controller { wanted: dt.to_f64(), last_error: 1.0, begin: beginning, length: 0.0 },
         };
-        let handled = !problem.pulls.is_empty()
-            || state.velocities.iter().zip(&problem.inverse_mass).any(|(v, &w)| w <= T::ZERO && *v != T::Vec3::ZERO);
+        let handled = problem.is_handled(state);
         if handled {
             state.memory.vectors.clear();
         }

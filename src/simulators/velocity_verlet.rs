@@ -1,14 +1,20 @@
 //! Velocity Verlet (Swope, Andersen, Berens, Wilson, "A computer simulation method for the calculation of equilibrium
 //! constants", 1982): positions by the acceleration at the start, velocities by the mean of both ends.
 //!
-//! a0 = a(t, x, v), x(t + dt) = x + dt v + dt²/2 a0, a1 = a(t + dt, x(t + dt), v + dt a0), v(t + dt) = v + dt/2 (a0 + a1).
-//! Order 2; two force evaluations a step, since no force is remembered from the step before.
+//! x(t + dt) = x + dt v + dt²/2 a, a' = a(t + dt, x(t + dt), v + dt a), v(t + dt) = v + dt/2 (a + a'); a' is a of the next step.
+//! Order 2 at one force evaluation a step.
 //!
-//! The velocity is predicted for the second force: damping with the velocity of half the step, as leapfrog does, would
-//! lower the order to 1. Undamped it is symplectic and keeps energy for ever. Choose it for accuracy just above the
-//! stability limit, which is that of symplectic Euler: there it errs a hundred times less for twice the work.
+//! The velocity is predicted for the force: damping with the velocity of half the step, as leapfrog does, would lower the
+//! order to 1. The prediction is off by dt²/2 of the jerk, so that the force may be kept for the next step, at whose start
+//! time and positions are the same. It is the method's memory: where there is none (at the start, and after any change of
+//! method, dt, springs, pins, hands or surroundings) the first force is computed, two in that step. So it is in every step in which
+//! a hand moves or pulls: the velocity of a particle that is held and the point that a hand pulls towards jump from one step
+//! to the next, and a kept force would know those of the step before, half a step late on average.
+//!
+//! Undamped it is symplectic and keeps energy for ever. Choose it for accuracy just above the stability limit: undamped that is
+//! the limit of symplectic Euler, at whose cost it errs a hundred times less. Strong damping halves its limit beside that.
 
-use super::{Model, Simulator, region};
+use super::{Model, Simulator};
 use crate::forces::{Cost, Mode, Problem, Spectrum};
 use crate::math::Real;
 use crate::model::Particles;
@@ -30,7 +36,7 @@ pub struct Buffers<T: Real> {
 impl Simulator for VelocityVerlet {
     const ID: &'static str = "velocity_verlet";
     const SUMMARY: &'static str =
-        "Velocity Verlet: second order at two force evaluations; accurate just above the stability limit.";
+        "Velocity Verlet: second order at one force evaluation; accurate just above the stability limit.";
     const ORDER: u32 = 2;
     const MODEL: Model = Model::Springs;
     type Scratch<T: Real> = Buffers<T>;
@@ -47,7 +53,12 @@ impl Simulator for VelocityVerlet {
         let (half, start) = (T::from_f64(0.5) * dt, state.time);
         force.resize(state.len(), T::Vec3::default());
         halfway.resize(state.len(), T::Vec3::default());
-        problem.forces(state, force, cost);
+        let handled = problem.is_handled(state);
+        if !handled && state.memory.vectors.len() == state.len() {
+            force.copy_from_slice(&state.memory.vectors);
+        } else {
+            problem.forces(state, force, cost);
+        }
         let particles = state.positions.iter_mut().zip(&mut state.velocities);
         for ((((x, v), h), &f), &w) in particles.zip(&mut *halfway).zip(&*force).zip(&problem.inverse_mass) {
             let acceleration = f * w;
@@ -61,18 +72,29 @@ impl Simulator for VelocityVerlet {
         for (((v, h), &f), &w) in state.velocities.iter_mut().zip(&*halfway).zip(&*force).zip(&problem.inverse_mass) {
             *v = *h + f * (w * half);
         }
+        state.memory.vectors.clear();
+        if !handled {
+            state.memory.vectors.extend_from_slice(force);
+        }
     }
 
-    /// Jury's criterion on the step's matrix: with q = dt² ω² and s = dt g its trace is 2 - q - s + s²/2 + q s/4. Undamped
-    /// dt ω ≤ 2; damping lowers the limit.
+    /// With q = dt² ω² and s = dt g the step multiplies (x, dt v, dt² a) by a matrix of the characteristic polynomial
+    /// z³ - (2 - q - 3s/2) z² + (1 - 2s) z + s/2. Jury's criteria on it come down to q + 4s ≤ 4, a root at -1, so
+    /// dt = 2 (-g + sqrt(g² + ω²)) / ω², here written so that ω = 0 (1/g) and g = 0 (2/ω) need no cases. The motion that asks
+    /// most is the one for which dt² ω² + 4 dt g is largest at the dt that is right for it, also where damping and
+    /// stiffness do not share their motions.
     fn dt_limit(&self, spectrum: &Spectrum) -> Option<f64> {
-        region::dt_limit(spectrum, |Mode { omega_squared, damping }, dt| {
-            let (q, s) = (dt * dt * omega_squared, dt * damping);
-            let [xx, xv] = [1.0 - q / 2.0, 1.0 - s / 2.0];
-            let [vx, vv] = [-q + q * q / 4.0 + s * q / 2.0, 1.0 - s + s * s / 2.0 - q / 2.0 + q * s / 4.0];
-            let (trace, determinant) = (xx + vv, xx * vv - xv * vx);
-            // Both roots lie in the unit circle where this is at most 1.
-            determinant.abs().max(trace.abs() - determinant)
-        })
+        let limit = |Mode { omega_squared, damping }: Mode| {
+            2.0 / (damping + (damping * damping + omega_squared.max(0.0)).sqrt())
+        };
+        let mut dt = limit(spectrum.extreme(1.0, 0.0));
+        for _ in 0..4 {
+            let next = dt.min(limit(spectrum.extreme(dt * dt, 4.0 * dt)));
+            if dt - next <= 1e-6 * dt {
+                break;
+            }
+            dt = next;
+        }
+        Some(dt).filter(|dt| dt.is_finite())
     }
 }

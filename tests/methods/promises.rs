@@ -175,6 +175,32 @@ fn pinned_particles_stay_to_the_bit_and_held_ones_move_as_they_are_told() {
 }
 
 #[test]
+fn velocity_verlet_computes_one_force_a_step_and_two_where_a_hand_moves() {
+    let (mut problem, mut state) = flying(true);
+    problem.spring_damping = 0.1;
+    let mut stepper = stepper("velocity_verlet");
+    let mut evaluations = |problem: &Problem<f64>, state: &mut Particles<f64>| {
+        let mut cost = Cost::default();
+        stepper.step(problem, state, 1e-3, &mut cost);
+        cost.force_evaluations
+    };
+    let counts: Vec<u64> = (0..4).map(|_| evaluations(&problem, &mut state)).collect();
+    assert_eq!(counts, [2, 1, 1, 1]);
+    // What a hand does jumps from step to step, and so would the force that was kept: the step is that without memory.
+    problem.set_fixed(35, true);
+    for velocity in [DVec3::X, DVec3::Y, DVec3::Z] {
+        state.velocities[35] = velocity;
+        let mut afresh = state.clone();
+        afresh.memory.forget();
+        assert_eq!([evaluations(&problem, &mut state), evaluations(&problem, &mut afresh)], [2, 2]);
+        assert_eq!(state, afresh);
+    }
+    state.velocities[35] = DVec3::ZERO;
+    let counts: Vec<u64> = (0..3).map(|_| evaluations(&problem, &mut state)).collect();
+    assert_eq!(counts, [2, 1, 1]);
+}
+
+#[test]
 fn a_fresh_instance_between_steps_changes_no_bit() {
     for entry in simulators::ALL {
         let (problem, state) = flying(true);

@@ -111,7 +111,7 @@ pub fn trade(table: &Trade) -> String {
         );
     }
     for order in &table.orders {
-        let observed = order.observed.map_or_else(|| "not to be told".to_owned(), |o| format!("{o:.2}"));
+        let observed = order.told();
         let flag = if order.flagged { "  (off by more than 0.2)" } else { "" };
         let words: Vec<_> = order.params.iter().map(|(name, value)| format!(" {name}={value}")).collect();
         let name = format!("{}{}", order.simulator, words.concat());

@@ -77,6 +77,11 @@ pub fn ui(ui: &mut Ui, lab: &mut Lab, session: &mut Session) {
         applies = proposal_ui(ui, finding, freshness);
         ui.add_space(6.0);
         table_ui(ui, &finding.table);
+        if !finding.table.resolution_tried {
+            let text =
+                "A lower resolution was not tried: only a grid from its beginning can be made coarser here.";
+            ui.label(RichText::new(text).small().weak());
+        }
         if let Some(machine) = &finding.table.machine {
             let disturbed =
                 if finding.is_disturbed { "; disturbed: the simulation ran meanwhile" } else { "" };

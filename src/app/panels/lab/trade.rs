@@ -224,8 +224,7 @@ fn legend_ui(ui: &mut Ui, table: &Trade, hidden: &mut BTreeSet<String>, toleranc
             let (rect, _) = ui.allocate_exact_size(egui::vec2(14.0, 14.0), egui::Sense::hover());
             let colour = colour_of(entry.id).gamma_multiply(if on { 1.0 } else { 0.35 });
             Look { filled: same_model, ..Look::dot(colour) }.paint(ui.painter(), rect.center(), 4.5);
-            let order =
-                table.orders.iter().find(|order| order.simulator == entry.id && order.observed.is_some());
+            let order = table.orders.iter().find(|order| order.simulator == entry.id && order.asymptotic);
             ui.label(title(entry.id)).on_hover_text(entry.summary);
             if let Some(order) = order.filter(|_| same_model) {
                 let observed = order.observed.unwrap_or_default();
@@ -395,8 +394,7 @@ fn row_ui(ui: &mut Ui, row: &Row, table: &Trade) {
             order.simulator == row.settings.simulator && order.params == row.settings.params
         };
         if let Some(order) = table.orders.iter().find(own).filter(|_| row.same_model) {
-            let observed = order.observed.map_or("not to be told".to_owned(), |o| format!("{o:.2}"));
-            line("Order", format!("{observed}, declared {}", order.declared));
+            line("Order", format!("{}, declared {}", order.told(), order.declared));
         }
         line("Health", zone_name(row.health).to_owned());
     });
