@@ -17,7 +17,13 @@ type Window = Harness<'static, Workbench>;
 /// A workbench with its Export window open.
 fn open(ron: &str) -> Window {
     let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup { title: "test".to_owned(), scene, place: Place::default(), file: None }];
+    let setups = vec![LaneSetup {
+        title: "test".to_owned(),
+        scene,
+        place: Place::default(),
+        file: None,
+        origin: Origin::Start,
+    }];
     let mut engine = Engine::new(setups.clone()).expect("opens");
     let state = engine.state();
     let session = Session::new(Link::Here(Box::new(engine)), state, setups);
