@@ -5,7 +5,7 @@ use std::path::Path;
 use egui::Role;
 use egui_kittest::{Harness, kittest::Queryable};
 use tenter::app::{
-    engine::{Engine, LaneSetup},
+    engine::{Engine, LaneSetup, Origin},
     panels::Action,
     session::{Link, Session},
     workbench::Workbench,
