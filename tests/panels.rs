@@ -169,10 +169,14 @@ fn the_selection_is_pinned_and_freed() {
     assert_eq!(lane(&window, 0).pinned, 8);
     press(&mut window, Modifiers::NONE, Key::P);
     assert_eq!(lane(&window, 0).pinned, 6);
+    step(&mut window, 20);
+    let before = lane(&window, 0).positions.clone();
     click(&mut window, "Free all");
     assert_eq!(lane(&window, 0).pinned, 0);
+    step(&mut window, 20);
     press(&mut window, Modifiers::COMMAND, Key::Z);
     assert_eq!(lane(&window, 0).pinned, 6);
+    assert_eq!(lane(&window, 0).positions, before, "what has fallen hangs where it hung");
 }
 
 #[test]
@@ -183,6 +187,8 @@ fn a_scene_opens_from_the_gallery_and_undo_brings_the_old_one_back() {
     assert_eq!(window.state().session.title(), "flag");
     assert_eq!(lane(&window, 0).positions.len(), 1000);
     assert!(!window.state().session.is_unsaved());
+    press(&mut window, Modifiers::COMMAND, Key::Z);
+    assert_eq!(window.state().session.title(), "flag", "leaving a scene is told first: {}", message(&window));
     press(&mut window, Modifiers::COMMAND, Key::Z);
     assert_eq!((window.state().session.title(), scene(&window).dt), ("test", 0.01));
 }
@@ -283,6 +289,8 @@ fn what_cannot_be_opened_is_told_and_changes_nothing() {
         type_path(&mut window, path, "Open");
         assert_eq!(window.state().session.title(), "test");
         assert!(!message(&window).is_empty());
+        window.get_by_label(&message(&window));
+        assert!(window.state().files.preferences.recent.is_empty());
     }
     assert_eq!(lane(&window, 0).positions.len(), 625);
 }

@@ -268,7 +268,12 @@ impl Engine {
     }
 
     fn exchange(&mut self, number: u64, otherwise: &[(Option<usize>, Command)]) -> Result<(), Refusal> {
-        let replaces = |(_, command): &(_, Command)| matches!(command, Command::Set { key, .. } if key.starts_with("target"));
+        // Another target, or pins of what has fallen since: the state is part of what is taken back.
+        let replaces = |(_, command): &(_, Command)| match command {
+            Command::Set { key, .. } => key.starts_with("target"),
+            Command::Pin { .. } => true,
+            _ => false,
+        };
         let commands_do = !otherwise.is_empty() && !otherwise.iter().any(replaces);
         self.go_on();
         self.keep();

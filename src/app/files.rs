@@ -4,6 +4,7 @@ use std::{
     path::{Path, PathBuf},
     sync::Arc,
     sync::mpsc::{Receiver, TryRecvError, channel},
+    time::{Duration, Instant},
 };
 
 use super::{
@@ -57,6 +58,9 @@ enum Loaded {
     Recording(LaneSetup),
 }
 
+/// Nobody cancels a dialog faster than this: there was none.
+const HURRIED: Duration = Duration::from_millis(400);
+
 /// Keys of a scene, with values.
 type Settings = Vec<(String, String)>;
 
@@ -100,10 +104,17 @@ pub(super) fn take<T: Send + 'static>(job: &mut Option<Job<T>>) -> Option<T> {
 pub struct Files {
     /// What is remembered.
     pub preferences: Preferences,
+    /// What was to be opened last.
+    asked: String,
+    /// What could not be opened, and why.
+    pub refused: Option<(String, String)>,
+    is_told: bool,
+    /// The system was asked for a file dialog and has none.
+    pub lacks_dialog: bool,
     window: Option<egui::Context>,
     loading: Option<(String, Job<Result<Loaded, Refusal>>)>,
     saving: Option<Job<(PathBuf, Result<(), Refusal>)>>,
-    picking: Option<(Purpose, Job<Option<PathBuf>>)>,
+    picking: Option<(Purpose, Instant, Job<Option<PathBuf>>)>,
     after_saving: Option<Next>,
     cotton: Option<(Target, Job<Result<Settings, Refusal>>)>,
 }
@@ -121,6 +132,8 @@ impl Files {
 
     /// Opens a scene, a mesh or a built-in scene by name.
     pub fn open(&mut self, name: &str) {
+        name.clone_into(&mut self.asked);
+        self.refused = None;
         let meshes = self.preferences.meshes.clone();
         let wanted = name.to_owned();
         let job = Job::start(self.window.as_ref(), move || load(&wanted, &meshes).map(Loaded::Scene));
@@ -134,6 +147,19 @@ impl Files {
         let job =
             Job::start(self.window.as_ref(), move || load_recording(&path, &meshes).map(Loaded::Recording));
         self.loading = Some((name, job));
+    }
+
+    /// What was opened last is no cloth.
+    pub fn refuse(&mut self, why: &str) {
+        self.refused = Some((self.asked.clone(), why.to_owned()));
+        self.is_told = false;
+    }
+
+    /// What could not be opened, once.
+    pub fn take_refused(&mut self) -> Option<String> {
+        let (name, _) = self.refused.as_ref().filter(|_| !self.is_told)?;
+        self.is_told = true;
+        Some(name.clone())
     }
 
     /// What is being read.
@@ -180,23 +206,21 @@ impl Files {
         }
         let name = proposed.file_name().unwrap_or_default().to_string_lossy();
         // Made here, as some systems want it, but waited for elsewhere.
-        self.picking = Some(match purpose {
+        let job = match purpose {
             Purpose::Open => {
                 let all: Vec<&str> = SCENES.iter().chain(&MESHES).copied().collect();
-                let answer = dialog.add_filter("Scenes and meshes", &all).pick_file();
-                (purpose, self.wait_for(answer))
+                self.wait_for(dialog.add_filter("Scenes and meshes", &all).pick_file())
             }
-            Purpose::Replay => (purpose, self.wait_for(dialog.add_filter("Recordings", &SCENES).pick_file())),
+            Purpose::Replay => self.wait_for(dialog.add_filter("Recordings", &SCENES).pick_file()),
             Purpose::Save | Purpose::Record => {
-                let answer = dialog.add_filter("RON", &SCENES).set_file_name(name).save_file();
-                (purpose, self.wait_for(answer))
+                self.wait_for(dialog.add_filter("RON", &SCENES).set_file_name(name).save_file())
             }
             Purpose::Export => {
                 let formats = Format::ALL.map(|(extension, _)| extension);
-                let answer = dialog.add_filter("Motion", &formats).set_file_name(name).save_file();
-                (purpose, self.wait_for(answer))
+                self.wait_for(dialog.add_filter("Motion", &formats).set_file_name(name).save_file())
             }
-        });
+        };
+        self.picking = Some((purpose, Instant::now(), job));
     }
 
     fn wait_for(
@@ -222,8 +246,11 @@ impl Files {
                     session.open(vec![setup]);
                 }
                 Ok(Err(refusal)) => {
-                    session.message = Some(refusal.to_string());
-                    self.loading = None;
+                    let why = refusal.to_string();
+                    if self.loading.take().is_some_and(|(name, _)| name == self.asked) {
+                        self.refuse(&why);
+                    }
+                    session.message = Some(why);
                 }
                 Err(TryRecvError::Empty) => {}
                 Err(TryRecvError::Disconnected) => {
@@ -259,12 +286,14 @@ impl Files {
             }
             None => {}
         }
-        let answer = self.picking.as_ref().map(|(purpose, job)| (*purpose, job.answer()));
+        let answer = self.picking.as_ref().map(|(purpose, since, job)| (*purpose, *since, job.answer()));
         let picked = match answer {
-            Some((_, Err(TryRecvError::Empty))) | None => None,
-            Some((purpose, answer)) => {
+            Some((.., Err(TryRecvError::Empty))) | None => None,
+            Some((purpose, since, answer)) => {
                 self.picking = None;
-                answer.ok().flatten().map(|path| (purpose, path))
+                let picked = answer.ok().flatten().map(|path| (purpose, path));
+                self.lacks_dialog = picked.is_none() && since.elapsed() < HURRIED;
+                picked
             }
         };
         (picked, next)
@@ -294,6 +323,13 @@ fn load(name: &str, meshes: &[PathBuf]) -> Result<Opened, Refusal> {
         name.to_owned()
     };
     let mut opened = scene::open(&name)?;
+    if let Target::Mesh(mesh) = &opened.scene.target
+        && opened.file.is_none()
+        && mesh.asset().is_none()
+    {
+        // What is not there shall not be among the recent files.
+        std::fs::File::open(&mesh.path).map_err(|e| Refusal::new(format!("{}: {e}", mesh.path)))?;
+    }
     if opened.file.is_some() {
         meshes.iter().for_each(|mesh| opened.place.allow(mesh));
     }

@@ -25,6 +25,8 @@ pub struct History {
     undone: Vec<Edit>,
     /// The last edit may still grow: a slider is being dragged.
     open: bool,
+    /// The user was told what taking the last edit back means.
+    is_told: bool,
 }
 
 impl History {
@@ -36,6 +38,7 @@ impl History {
     /// Adds an edit; one of the same label while a slider is dragged becomes part of the last.
     pub fn push(&mut self, edit: Edit) {
         self.undone.clear();
+        self.is_told = false;
         let grows = self.is_growing(&edit.label, edit.lane);
         match self.done.last_mut().filter(|_| grows) {
             Some(last) => last.redo = edit.redo,
@@ -47,6 +50,12 @@ impl History {
         self.open = true;
     }
 
+    /// Whether taking the last edit back leaves the open scene, which is to be told before it is done. True once for each time.
+    pub fn warns(&mut self) -> bool {
+        let leaves = |edit: &Edit| edit.undo.iter().any(|order| matches!(order, Order::Open(_)));
+        self.done.last().is_some_and(leaves) && !std::mem::replace(&mut self.is_told, true)
+    }
+
     /// The last edit is complete.
     pub fn seal(&mut self) {
         self.open = false;
@@ -54,7 +63,7 @@ impl History {
 
     /// The edit to take back.
     pub fn undo(&mut self) -> Option<Edit> {
-        self.open = false;
+        (self.open, self.is_told) = (false, false);
         let edit = self.done.pop()?;
         self.undone.push(edit.clone());
         Some(edit)
@@ -62,7 +71,7 @@ impl History {
 
     /// The edit to do again.
     pub fn redo(&mut self) -> Option<Edit> {
-        self.open = false;
+        (self.open, self.is_told) = (false, false);
         let edit = self.undone.pop()?;
         self.done.push(edit.clone());
         Some(edit)

@@ -64,6 +64,8 @@ pub struct Session {
     /// A moment of the past is shown, or was asked for.
     is_in_the_past: bool,
     opening: Option<Opening>,
+    /// Why the last opening came to nothing.
+    refused: Option<String>,
     opened: u64,
     /// The lane that panels show and edit.
     pub lane: usize,
@@ -104,6 +106,7 @@ impl Session {
             seen_news: 0,
             is_in_the_past: false,
             opening: None,
+            refused: None,
             opened: 0,
             lane: 0,
             selection: BTreeSet::new(),
@@ -134,10 +137,11 @@ impl Session {
             self.seen_news = *number;
             self.message = Some(what.clone());
         }
-        if let Some(opening) = self.opening.take_if(|opening| self.state.orders >= opening.order)
-            && refusal.is_none_or(|(order, _)| order != opening.order)
-        {
-            self.has_opened(opening);
+        if let Some(opening) = self.opening.take_if(|opening| self.state.orders >= opening.order) {
+            match refusal.filter(|(order, _)| *order == opening.order) {
+                Some((_, why)) => self.refused = Some(why),
+                None => self.has_opened(opening),
+            }
         }
         if self.state.orders >= self.sent {
             self.drafts = self.state.lanes.iter().map(|lane| lane.scene.clone()).collect();
@@ -299,16 +303,25 @@ impl Session {
             return;
         }
         let (label, other) = if pinned { ("pin", "free") } else { ("free", "pin") };
-        let order = |name: &str| {
+        let command = |name: &str| {
             let particles = particles.clone();
-            let command =
-                if name == "pin" { Command::Pin { particles } } else { Command::Free { particles } };
-            vec![Order::Apply(None, command)]
+            if name == "pin" { Command::Pin { particles } } else { Command::Free { particles } }
         };
-        let edit = Edit { label: label.to_owned(), lane: None, undo: order(other), redo: order(label) };
+        let apply = |name: &str| vec![Order::Apply(None, command(name))];
         self.message = None;
-        self.send(&edit.redo);
-        self.history.push(edit);
+        let (undo, redo) = if pinned {
+            (apply(other), apply(label))
+        } else {
+            // What was freed falls: it is hung up again where it was.
+            self.kept += 1;
+            let number = self.kept;
+            self.order(Order::Keep(number));
+            let exchange =
+                |name: &str| vec![Order::Exchange { number, otherwise: vec![(None, command(name))] }];
+            (exchange(other), exchange(label))
+        };
+        self.send(&apply(label));
+        self.history.push(Edit { label: label.to_owned(), lane: None, undo, redo });
         self.history.seal();
     }
 
@@ -376,8 +389,18 @@ impl Session {
         self.history.seal();
     }
 
-    /// Takes the last edit back.
+    /// Why what was being opened last is not there, once.
+    pub fn take_refused(&mut self) -> Option<String> {
+        self.refused.take()
+    }
+
+    /// Takes the last edit back. Where that leaves the open scene it is only told at first.
     pub fn undo(&mut self) {
+        if self.history.warns() {
+            let label = self.history.names()[0].unwrap_or_default();
+            self.message = Some(format!("undo once more takes back: {label}, and shows the scene before"));
+            return;
+        }
         if let Some(edit) = self.history.undo() {
             self.message = Some(format!("undone: {}", edit.label));
             self.send(&edit.undo);

@@ -120,6 +120,9 @@ impl Workbench {
         if was_open && self.session.opening().is_none() {
             self.focus = Some(Focus::Opened);
             self.lab.cancel();
+            if let Some(why) = self.session.take_refused() {
+                self.files.refuse(&why);
+            }
         }
         self.see_burst();
         if self.closer.is_asked() {
@@ -127,9 +130,12 @@ impl Workbench {
         }
         self.poll(ui);
         self.lab.poll(&mut self.session, ui.ctx());
-        let closes = (self.shows_help || self.shows_gallery) && self.ask.is_none();
+        let closes = (self.shows_help || self.shows_gallery || self.export.is_open()) && self.ask.is_none();
         if closes && ui.input_mut(|input| input.consume_key(egui::Modifiers::NONE, egui::Key::Escape)) {
             (self.shows_help, self.shows_gallery) = (false, false);
+            if self.export.is_open() {
+                self.export.toggle(&self.session);
+            }
         }
         if self.ask.is_none() && self.restore.offer().is_none() {
             for action in panels::pressed(ui) {
@@ -285,6 +291,12 @@ impl Workbench {
         }
         if let Some(next) = next {
             self.go_on(next);
+        }
+        if let Some(name) = self.files.take_refused()
+            && self.ask.is_none()
+        {
+            // Where it was asked for, to be put right.
+            self.ask = Some(Ask::Open(name));
         }
         let dropped = ui.input(|input| input.raw.dropped_files.last().map(|file| file.path().to_owned()));
         if let Some(path) = dropped {

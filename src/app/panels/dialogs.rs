@@ -117,6 +117,11 @@ fn open_ui(ui: &mut Ui, path: &mut String, files: &mut Files) -> Option<String> 
     ui.label("A .ron scene, or a mesh: .obj, .gltf, .glb. A file dropped on the window opens too.");
     let mut chosen =
         path_ui(ui, "Open", path, files, Purpose::Open).map(|path| path.to_string_lossy().into_owned());
+    if let Some((name, why)) = &files.refused
+        && name == path
+    {
+        ui.colored_label(ui.visuals().error_fg_color, why);
+    }
     if !files.preferences.recent.is_empty() {
         ui.separator();
         ui.label(RichText::new("Recent").strong());
@@ -159,6 +164,9 @@ fn path_ui(
             taken = Some(PathBuf::from(path.trim()));
         }
     });
+    if files.lacks_dialog {
+        ui.label(RichText::new("The system offers no file dialog here: type the path.").weak());
+    }
     ui.add_space(4.0);
     ui.horizontal(|ui| {
         if ui.add_enabled(!path.trim().is_empty(), egui::Button::new(verb)).clicked() {

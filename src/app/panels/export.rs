@@ -52,6 +52,11 @@ impl ExportWindow {
         self.path = path.to_string_lossy().into_owned();
     }
 
+    /// Whether the window is open.
+    pub fn is_open(&self) -> bool {
+        self.is_open
+    }
+
     /// The window, where it is open.
     pub fn ui(&mut self, ctx: &Context, session: &mut Session, files: &mut Files) {
         if let Some(told) = self.under_way.as_mut().and_then(Exporting::ended) {
