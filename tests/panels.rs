@@ -289,7 +289,11 @@ fn what_cannot_be_opened_is_told_and_changes_nothing() {
         type_path(&mut window, path, "Open");
         assert_eq!(window.state().session.title(), "test");
         assert!(!message(&window).is_empty());
-        window.get_by_label(&message(&window));
+        assert_eq!(
+            window.get_all_by_label(&message(&window)).count(),
+            2,
+            "in the status bar and in the question"
+        );
         assert!(window.state().files.preferences.recent.is_empty());
     }
     assert_eq!(lane(&window, 0).positions.len(), 625);
