@@ -76,10 +76,12 @@ impl Visitor for Knobs {
         // Whoever asks for a million particles or sweeps gets them, and waits: here nobody does.
         let most = match info.name {
             "columns" | "rows" => 30.0,
-            _ => 100.0,
+            "most_steps" => 20.0,
+            _ => 10.0,
         };
         let mut values = Self::numbers(info, default.into());
         values.retain(|v| *v <= most);
+        values.push(most);
         self.add(info, values.iter().map(|v| format!("{v:.0}")).collect());
     }
     fn switch(&mut self, info: &'static Info, _: &mut bool, _: bool) {

@@ -426,6 +426,7 @@ fn nothing_that_a_user_does_breaks_it() {
     }
     assert!(soak.bursts > 0 && soak.losses > 0, "{} bursts, {} losses", soak.bursts, soak.losses);
     if long.is_some() && Path::new("/proc/self/status").exists() {
+        assert!(laps.len() >= 8, "too short to compare: {} laps of {LAP} acts", laps.len());
         let (warm, end) = (&laps[laps.len() / 4..laps.len() / 2], &laps[3 * laps.len() / 4..]);
         let growth = median(end) / median(warm);
         println!("memory from the second quarter to the last: x {growth:.4}");
