@@ -17,9 +17,9 @@ pub struct Particles<T: Real> {
     pub memory: Memory<T>,
 }
 
-/// What a method carries from step to step: the last state of a multistep method, the step size of a controller, a warm
-/// start. Empty for most methods and at every fresh start: of the scene, and after a change of method, dt, springs, pins
-/// or hands, after which a method takes the step that it would take at the very beginning.
+/// What a method carries from step to step: the last state of a multistep method, a force, the step size of a controller.
+/// Empty for most methods and at every fresh start: of the scene, and after a change of method, dt, masses, springs, pins,
+/// forces or which particles hands are on, after which a method takes the step that it would take at the very beginning.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory<T: Real> {
     /// Vectors, as many as the method likes.

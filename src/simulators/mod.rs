@@ -3,7 +3,8 @@
 //! A method advances m a = F(t, x, v) from t to t + dt. It owns parameters and scratch, never state: replaced by a fresh
 //! one between two steps it changes no bit of the trajectory, so methods can be switched while a cloth moves. What a
 //! method must carry from step to step stands in the [`Memory`](crate::model::Memory) of the state, which the caller
-//! empties when method, dt, springs or pins change, and which travels with every snapshot.
+//! empties when anything of the method, dt or the problem changes, and which travels with every snapshot. Where hands go
+//! from step to step is no such change: a method sees it by [`Problem::is_handled`].
 //!
 //! The README's "Which method for which scene" says which to choose, with figures; each method's own text says what it costs.
 

@@ -59,9 +59,9 @@ impl Spectrum {
     /// with the same λ. A few hundred force evaluations, and eigenvalues of small matrices. In parts the same `limit` must be
     /// asked for every time.
     ///
-    /// Undamped that is the fastest motion's. Where the spectrum is the [`stiffest`](Self::stiffest), and of very many
-    /// particles, the smallest over every ω² = x·Kx and g = x·Dx is taken, not only of those that belong together in a motion:
-    /// that is on the safe side.
+    /// Undamped that is the fastest motion's. Where the spectrum is the [`stiffest`](Self::stiffest), of very many particles, or
+    /// of numbers that are not finite, the smallest over every ω² = x·Kx and g = x·Dx is taken, not only of those that belong
+    /// together in a motion: that is on the safe side.
     pub fn smallest_over_damped(&self, limit: &dyn Fn(Mode) -> f64) -> f64 {
         let n = self.inverse_root.len();
         if self.inverse_root.iter().all(|w| *w == 0.0) {
@@ -86,21 +86,22 @@ impl Spectrum {
                 search.space.grow(self, super::top_eigenvector(&self.inverse_root, &apply));
             }
             while !search.go_on(self, limit) {}
-            return search.best;
+            return if search.best.is_finite() { search.best } else { self.smallest_over_shapes(limit) };
         };
         // One after the other: what is asked while another is looked for is not begun.
         for [a, b] in extremes {
             self.extreme(a, b);
         }
-        let mut parts = parts.lock().unwrap_or_else(PoisonError::into_inner);
-        let Parts { known, current, damped, left, .. } = &mut *parts;
-        if current.is_some() {
+        let mut locked = parts.lock().unwrap_or_else(PoisonError::into_inner);
+        let Parts { known, current, damped, left, .. } = &mut *locked;
+        if current.is_some() && !matches!(damped, Progress::Found(..)) {
             return limit(fastest);
         }
         let mut search = match std::mem::take(damped) {
             Progress::Found(value, shapes) => {
                 *damped = Progress::Found(value, shapes);
-                return value;
+                drop(locked);
+                return if value.is_finite() { value } else { self.smallest_over_shapes(limit) };
             }
             Progress::UnderWay(search) => search,
             begun => {
@@ -121,7 +122,8 @@ impl Spectrum {
         }
         let value = search.best;
         *damped = if found { Progress::Found(value, search.shapes) } else { Progress::UnderWay(search) };
-        value
+        drop(locked);
+        if found && !value.is_finite() { self.smallest_over_shapes(limit) } else { value }
     }
 
     /// The smallest `limit` of any shape's ω² and g, whether the shape moves by itself or not: of the fastest, the most
@@ -298,7 +300,10 @@ impl Space {
         let of = |i: usize, j: usize| self.projected[i.max(j)][i.min(j)];
         // Time is scaled so that both blocks are of one size.
         let rate = (0..m).map(|i| of(i, i)).fold(0.0, |rate: f64, [k, d]| rate.max(k.max(0.0).sqrt()).max(d));
-        if rate.is_nan() || rate <= 0.0 {
+        if !rate.is_finite()
+            || rate <= 0.0
+            || self.projected.iter().flatten().flatten().any(|p| !p.is_finite())
+        {
             return Vec::new();
         }
         let companion = Mat::from_fn(2 * m, 2 * m, |i, j| match (i < m, j < m) {
