@@ -101,9 +101,9 @@ impl Reference {
             let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
             if wi + wj > 0.0 && length > 0.0 {
                 let factor = (length - rest) / length / (wi + wj);
-                for c in 0..3 {
-                    self.x[i][c] += d[c] * factor * wi;
-                    self.x[j][c] -= d[c] * factor * wj;
+                for (c, d) in d.into_iter().enumerate() {
+                    self.x[i][c] += d * factor * wi;
+                    self.x[j][c] -= d * factor * wj;
                 }
             }
         }

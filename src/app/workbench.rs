@@ -8,7 +8,6 @@ use std::{path::PathBuf, sync::Arc};
 use egui::{Ui, ViewportCommand};
 use glam::Vec3;
 
-use super::camera::Camera;
 use super::{
     Closer,
     engine::{LaneState, Order, Values},
@@ -25,7 +24,7 @@ use super::{
     theme,
     viewport::{Drawing, Viewport},
 };
-use framing::Focus;
+use framing::{Focus, Framing};
 
 /// What fills the window.
 pub struct Workbench {
@@ -52,12 +51,7 @@ pub struct Workbench {
     drawing: Option<(Drawing, Vec<Cloth>)>,
     device: String,
     window_title: String,
-    /// The next frame looks at the whole cloth.
-    focus: Option<Focus>,
-    /// The camera keeps the cloth in the picture: from its opening until the mouse first does something there.
-    follows: bool,
-    /// The view before a burst, and the one that shows what is left of the cloth.
-    before_burst: Option<[Camera; 2]>,
+    framing: Framing,
     flags: Vec<u32>,
     ground_height: f32,
     is_finished: bool,
@@ -90,9 +84,7 @@ impl Workbench {
             drawing: None,
             device: String::new(),
             window_title: String::new(),
-            focus: Some(Focus::Opened),
-            follows: true,
-            before_burst: None,
+            framing: Framing::default(),
             closer: Closer::default(),
             flags: Vec::new(),
             ground_height: 0.0,
@@ -118,7 +110,7 @@ impl Workbench {
         let was_open = self.session.opening().is_some();
         self.session.refresh();
         if was_open && self.session.opening().is_none() {
-            self.focus = Some(Focus::Opened);
+            self.framing.focus = Some(Focus::Opened);
             self.lab.cancel();
             if let Some(why) = self.session.take_refused() {
                 self.files.refuse(&why);
@@ -360,7 +352,7 @@ impl Workbench {
             Action::Reset => session.reset(),
             Action::Slower => panels::change_speed(session, false),
             Action::Faster => panels::change_speed(session, true),
-            Action::Focus => self.focus = Some(Focus::Wanted),
+            Action::Focus => self.framing.focus = Some(Focus::Wanted),
             Action::Look(side) => self.viewport.camera.look_from(*side),
             Action::Projection => self.viewport.camera.switch_projection(),
             Action::Use(tool) => {
@@ -394,7 +386,7 @@ impl Workbench {
         let chosen = self.session.lane.min(lanes.len().saturating_sub(1));
         let lane_of = |tile: usize| if tiles > 1 { tile } else { chosen };
         if tiles != self.viewport.rects().len() {
-            self.focus = self.focus.or(Some(Focus::Wanted));
+            self.framing.focus = self.framing.focus.or(Some(Focus::Wanted));
         }
         let shows_surface = self.style.surface;
         let target = |tile: usize| {
@@ -406,11 +398,11 @@ impl Workbench {
         };
         let before = self.viewport.camera;
         let intents = self.viewport.ui(ui, tiles, target);
-        self.follows &= intents.is_empty() && self.viewport.camera == before;
+        self.framing.follows &= intents.is_empty() && self.viewport.camera == before;
         let Some(lane) = lanes.get(lane_of(self.viewport.active)) else { return };
-        if self.focus.is_some() && self.viewport.size().min_element() > 1.0 {
+        if self.framing.focus.is_some() && self.viewport.size().min_element() > 1.0 {
             self.look(lane);
-        } else if self.follows && self.session.running() && self.before_burst.is_none() {
+        } else if self.framing.follows && self.session.running() && self.framing.before_burst.is_none() {
             self.follow(lane, ui.input(|input| input.stable_dt));
         }
         for intent in intents {

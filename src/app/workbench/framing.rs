@@ -19,20 +19,37 @@ pub(super) enum Focus {
     Burst,
 }
 
+/// What the camera does by itself.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Framing {
+    /// What the next frame looks at.
+    pub focus: Option<Focus>,
+    /// The camera keeps the cloth in the picture: from its opening until the mouse first does something there.
+    pub follows: bool,
+    /// The view before a burst, and the one that shows what is left of the cloth.
+    pub before_burst: Option<[Camera; 2]>,
+}
+
+impl Default for Framing {
+    fn default() -> Self {
+        Self { focus: Some(Focus::Opened), follows: true, before_burst: None }
+    }
+}
+
 impl Workbench {
     /// Looks at what a burst has left, and back to where one looked from once that is mended.
     pub(super) fn see_burst(&mut self) {
         let has_burst = self.session.state().lanes.iter().any(|lane| lane.health.is_diverged());
-        match self.before_burst {
+        match self.framing.before_burst {
             None if has_burst => {
                 let now = self.viewport.camera;
-                self.before_burst = Some([now; 2]);
-                self.focus = self.focus.or(Some(Focus::Burst));
+                self.framing.before_burst = Some([now; 2]);
+                self.framing.focus = self.framing.focus.or(Some(Focus::Burst));
             }
             Some([before, shown]) if !has_burst => {
-                self.before_burst = None;
+                self.framing.before_burst = None;
                 // Whoever has turned the view himself keeps it.
-                if self.viewport.camera == shown && self.focus != Some(Focus::Opened) {
+                if self.viewport.camera == shown && self.framing.focus != Some(Focus::Opened) {
                     self.viewport.camera = before;
                 }
             }
@@ -66,13 +83,13 @@ impl Workbench {
 
     pub(super) fn look(&mut self, lane: &LaneState) {
         let size = self.viewport.size();
-        let focus = self.focus.take();
-        self.follows |= focus.is_some();
+        let focus = self.framing.focus.take();
+        self.framing.follows |= focus.is_some();
         if focus == Some(Focus::Burst) {
             if let Some(bounds) = lane.bounds {
                 self.viewport.camera.focus(&bounds, size);
             }
-            if let Some([_, shown]) = &mut self.before_burst {
+            if let Some([_, shown]) = &mut self.framing.before_burst {
                 *shown = self.viewport.camera;
             }
             return;
