@@ -85,7 +85,15 @@ fn plot(ui: &mut Ui, name: &str, samples: &[&Sample], series: &[Series]) {
             Line::new(*name, points).color(*colour).width(1.5)
         })
         .collect();
-    let shown = Plot::new(name)
+    let [times, values] = [
+        room(samples.iter().map(|s| s.time)),
+        room(samples.iter().flat_map(|s| series.iter().map(move |(_, _, value)| value(s)))),
+    ];
+    let plot = times.into_iter().flatten().fold(Plot::new(name), Plot::include_x);
+    let shown = values
+        .into_iter()
+        .flatten()
+        .fold(plot, Plot::include_y)
         .height(96.0)
         .show_axes([true, true])
         .custom_y_axes(vec![
@@ -101,6 +109,15 @@ fn plot(ui: &mut Ui, name: &str, samples: &[&Sample], series: &[Series]) {
         .allow_boxed_zoom(false)
         .show(ui, |plot| lines.into_iter().for_each(|line| plot.line(line)));
     shown.response.widget_info(|| WidgetInfo::labeled(egui::Role::Label, true, name));
+}
+
+/// What an axis must show beside these numbers where they differ by no more than rounding: the plot cannot divide nothing.
+fn room(numbers: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+    let [low, high] =
+        numbers.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
+    let size = low.abs().max(high.abs());
+    let pad = if size > 0.0 { 1e-3 * size } else { 1.0 };
+    (high >= low && high - low < pad).then_some([low - pad, high + pad])
 }
 
 /// Three digits.
@@ -161,4 +178,19 @@ fn pace(ui: &mut Ui, lane: &LaneState) {
         text,
         "Computing time of a step, and as a part of the time that it simulates; above 100 % it becomes slow motion",
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::room;
+
+    #[test]
+    fn an_axis_has_room_for_numbers_that_are_alike() {
+        for numbers in [[1700.0, 1700.0], [1e20, 1e20], [0.0, 0.0], [-3e-19, 4e-19], [1e-300, 1e-300]] {
+            let [low, high] = room(numbers.into_iter()).unwrap_or(numbers);
+            assert!(low < high && high - low > 1e-6 * low.abs(), "{numbers:?}: {low} to {high}");
+        }
+        assert_eq!(room([0.0, 1.0].into_iter()), None);
+        assert_eq!(room([].into_iter()), None);
+    }
 }
