@@ -38,7 +38,7 @@ pub fn timeline_ui(ui: &mut Ui, session: &mut Session, megabytes: &mut u32) {
                 ui.label(RichText::new(format!("replay {time:.1} of {seconds:.1} s")).strong())
                     .on_hover_text("What was recorded is done again; taking hold of the cloth ends it");
             }
-            ui.spacing_mut().slider_width = ui.available_width() - 8.0;
+            ui.spacing_mut().slider_width = (ui.available_width() - 8.0).max(0.0);
             let mut place = at;
             // A range of nothing has no places.
             let slider = Slider::new(&mut place, from..=to.max(from + 1e-3)).show_value(false);

@@ -123,18 +123,27 @@ impl<T: Real> Comply<'_, T> {
             if ALL {
                 let part = one / (all * w + one);
                 let [x, y, z] = friction;
-                let brake = |d: T::Lanes, p: T::Lanes, was: T::Lanes, friction: &mut [T]| {
-                    let before = T::Lanes::load(with, friction);
-                    let change = ((zero - (d + p * w - was) * all - before) * part).where_positive(w);
-                    friction[..EIGHT].copy_from_slice(&(before + change).to_array());
-                    p + change
-                };
-                px = brake(dx, px, was[0], &mut x[at..]);
-                py = brake(dy, py, was[1], &mut y[at..]);
-                pz = brake(dz, pz, was[2], &mut z[at..]);
+                px = px + brake::<T>(with, dx + px * w - was[0], [all, part, w], &mut x[at..]);
+                py = py + brake::<T>(with, dy + py * w - was[1], [all, part, w], &mut y[at..]);
+                pz = pz + brake::<T>(with, dz + pz * w - was[2], [all, part, w], &mut z[at..]);
             }
             T::Lanes::put_quads([ax - px * aw, ay - py * aw, az - pz * aw, aw], places, &i);
             T::Lanes::put_quads([bx + px * bw, by + py * bw, bz + pz * bw, bw], places, &j);
         }
     }
+}
+
+/// The impulse of damping along one component of a way, which is added to what it was before.
+#[inline(always)]
+fn brake<T: Real>(
+    with: Instructions,
+    way: T::Lanes,
+    [all, part, w]: [T::Lanes; 3],
+    friction: &mut [T],
+) -> T::Lanes {
+    let before = T::Lanes::load(with, friction);
+    let wanted = T::Lanes::splat(with, T::ZERO) - way * all - before;
+    let change = (wanted * part).where_positive(w);
+    friction[..EIGHT].copy_from_slice(&(before + change).to_array());
+    change
 }
