@@ -2,6 +2,7 @@
 
 #[cfg(target_arch = "x86_64")]
 pub mod lanes;
+pub mod random;
 
 use glam::{DVec3, Vec3};
 use std::fmt::Debug;

@@ -1,39 +1,20 @@
 //! The Export window driven by its labels. What is not drawn needs no GPU.
 
+mod workbench;
+
 use std::path::Path;
 
 use egui::Role;
-use egui_kittest::{Harness, kittest::Queryable};
-use tenter::app::{
-    engine::{Engine, LaneSetup, Origin},
-    panels::Action,
-    session::{Link, Session},
-    workbench::Workbench,
-};
-use tenter::scene::{Place, Scene};
-
-type Window = Harness<'static, Workbench>;
+use egui_kittest::kittest::Queryable;
+use tenter::app::panels::Action;
+use workbench::Window;
 
 /// A workbench with its Export window open.
 fn open(ron: &str) -> Window {
-    let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup {
-        title: "test".to_owned(),
-        scene,
-        place: Place::default(),
-        file: None,
-        origin: Origin::Start,
-    }];
-    let mut engine = Engine::new(setups.clone()).expect("opens");
-    let state = engine.state();
-    let session = Session::new(Link::Here(Box::new(engine)), state, setups);
-    let mut harness = Harness::builder()
-        .with_size(egui::vec2(1280.0, 800.0))
-        .build_ui_state(|ui, workbench: &mut Workbench| workbench.ui(ui), Workbench::new(session));
-    harness.run_steps(3);
-    harness.state_mut().perform(&Action::Export);
-    harness.run_steps(4);
-    harness
+    let mut window = workbench::open(ron);
+    window.state_mut().perform(&Action::Export);
+    window.run_steps(4);
+    window
 }
 
 fn type_path(window: &mut Window, path: &Path) {

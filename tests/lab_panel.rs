@@ -1,45 +1,19 @@
 //! The lab's dock driven by its labels, and asserted on the scene that its clicks lead to. No GPU, no window.
 
+mod workbench;
+
 use std::time::{Duration, Instant};
 
 use egui::{Key, Modifiers, Role};
-use egui_kittest::{
-    Harness,
-    kittest::{NodeT, Queryable},
-};
-use tenter::app::{
-    engine::{Engine, LaneSetup, Order, Origin},
-    session::{Link, Session},
-    workbench::Workbench,
-};
-use tenter::scene::{Place, Precision, Scene};
-
-type Window = Harness<'static, Workbench>;
+use egui_kittest::kittest::{NodeT, Queryable};
+use tenter::app::engine::Order;
+use tenter::scene::{Precision, Scene};
+use workbench::{Window, open};
 
 /// Four by four particles that hang by two corners and move little: studies of it are short.
 const SMALL: &str = "(target: Grid(columns: 4, rows: 4, spacing: 0.25, plane: Horizontal), pins: [Particle(0), Particle(3)],
     mass: PerParticle(0.05), springs: (stretch: (stiffness: 100.0), shear: (stiffness: 30.0), bend: (stiffness: 0.1),
     damping: 0.05), air_damping: 1e-5, dt: 0.005)";
-
-/// A workbench on a scene, whose engine runs only when told to.
-fn open(ron: &str) -> Window {
-    let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup {
-        title: "test".to_owned(),
-        scene,
-        place: Place::default(),
-        file: None,
-        origin: Origin::Start,
-    }];
-    let mut engine = Engine::new(setups.clone()).expect("opens");
-    let state = engine.state();
-    let session = Session::new(Link::Here(Box::new(engine)), state, setups);
-    let mut harness = Harness::builder()
-        .with_size(egui::vec2(1280.0, 800.0))
-        .build_ui_state(|ui, workbench: &mut Workbench| workbench.ui(ui), Workbench::new(session));
-    harness.run_steps(3);
-    harness
-}
 
 fn scene(window: &Window) -> &Scene {
     &window.state().session.state().lanes[0].scene

@@ -1,40 +1,17 @@
 //! Every panel driven by its labels, and asserted on the commands and the world's state. No GPU, no window.
 
+mod workbench;
+
 use std::path::Path;
 
 use egui::{Key, Modifiers, Role};
-use egui_kittest::{Harness, kittest::Queryable};
-use tenter::app::{
-    engine::{Engine, LaneSetup, LaneState, Order, Origin},
-    session::{Link, Session},
-    workbench::Workbench,
-};
-use tenter::scene::{Mass, Place, Plane, Scene, Target};
+use egui_kittest::kittest::Queryable;
+use tenter::app::engine::{LaneState, Order};
+use tenter::scene::{Mass, Plane, Scene, Target};
+use workbench::{Window, open};
 
 #[path = "panels/recordings.rs"]
 mod recordings;
-
-type Window = Harness<'static, Workbench>;
-
-/// A workbench on a scene, whose engine runs only when told to.
-fn open(ron: &str) -> Window {
-    let scene = Scene::from_ron(ron).expect("a scene");
-    let setups = vec![LaneSetup {
-        title: "test".to_owned(),
-        scene,
-        place: Place::default(),
-        file: None,
-        origin: Origin::Start,
-    }];
-    let mut engine = Engine::new(setups.clone()).expect("opens");
-    let state = engine.state();
-    let session = Session::new(Link::Here(Box::new(engine)), state, setups);
-    let mut harness = Harness::builder()
-        .with_size(egui::vec2(1280.0, 800.0))
-        .build_ui_state(|ui, workbench: &mut Workbench| workbench.ui(ui), Workbench::new(session));
-    harness.run_steps(3);
-    harness
-}
 
 fn lane(window: &Window, lane: usize) -> &LaneState {
     &window.state().session.state().lanes[lane]

@@ -27,7 +27,6 @@ const FRAMES: usize = 6;
 
 /// Does nothing unless the other test has said where to write; then it writes until it is killed.
 #[test]
-#[ignore = "run by the test that kills it"]
 fn writes_until_it_is_killed() {
     let Some(folder) = std::env::var_os(FOLDER).map(PathBuf::from) else { return };
     let setup = LaneSetup {
@@ -134,13 +133,7 @@ fn two_hundred_kills_leave_only_whole_files() {
     let (mut hits, mut seen, mut state) = (0, 0, 0x2545_f491_4f6c_dd1d_u64);
     for kill in 0..KILLS {
         let mut command = Command::new(&program);
-        command.args([
-            "--exact",
-            "writes_until_it_is_killed",
-            "--ignored",
-            "--nocapture",
-            "--test-threads=1",
-        ]);
+        command.args(["--exact", "writes_until_it_is_killed", "--nocapture", "--test-threads=1"]);
         command.env(FOLDER, folder.path()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().expect("starts");
         let output = BufReader::new(child.stdout.take().expect("a pipe"));

@@ -12,7 +12,7 @@
 mod damped;
 
 use super::Problem;
-use crate::math::{Real, Vector};
+use crate::math::{Real, Vector, random::Xorshift};
 use crate::model::Particles;
 use glam::DVec3;
 use std::sync::{Mutex, PoisonError};
@@ -334,15 +334,10 @@ fn top_eigenvector(mask: &[f64], apply: &dyn Fn(&[DVec3], &mut [DVec3])) -> Vec<
     search.x
 }
 
-/// A fixed unit vector with all frequencies in it, by xorshift64 (Marsaglia, "Xorshift RNGs", 2003).
+/// A fixed unit vector with all frequencies in it.
 fn random_vector(mask: &[f64]) -> Vec<DVec3> {
-    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut random = || {
-        seed ^= seed << 13;
-        seed ^= seed >> 7;
-        seed ^= seed << 17;
-        (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-    };
+    let mut numbers = Xorshift::new(0x9e37_79b9_7f4a_7c15);
+    let mut random = || numbers.centred();
     let any = |m: &f64| if *m > 0.0 { DVec3::new(random(), random(), random()) } else { DVec3::ZERO };
     let mut vector: Vec<DVec3> = mask.iter().map(any).collect();
     let length = dot(&vector, &vector).sqrt();

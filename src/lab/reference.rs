@@ -9,6 +9,7 @@ use super::statistics::Statistics;
 use super::trial::{self, Keep};
 use super::{Case, Event, Progress, Settings, Stop, metrics};
 use crate::forces::Spectrum;
+use crate::math::random::Xorshift;
 use crate::scene::Refusal;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -207,14 +208,8 @@ pub fn solve(case: &Case, progress: Progress) -> Result<Reference, Stop> {
 /// The case with every free particle moved by a fixed pseudo-random vector, 1e-8 m in RMS.
 fn nudged(case: &Case) -> Case {
     let (mut positions, velocities) = case.start().motion();
-    let mut seed = 0x2545_f491_4f6c_dd1d_u64;
-    let mut random = || {
-        // xorshift64 (Marsaglia, "Xorshift RNGs", 2003).
-        seed ^= seed << 13;
-        seed ^= seed >> 7;
-        seed ^= seed << 17;
-        (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-    };
+    let mut numbers = Xorshift::new(0x2545_f491_4f6c_dd1d);
+    let mut random = || numbers.centred();
     for (x, free) in positions.iter_mut().zip(case.free()) {
         if free {
             // Three components, each even over one unit: RMS 1/2.

@@ -124,24 +124,8 @@ impl World {
     /// A snapshot that was read from a damaged file: mass or a method that do not fit the target.
     pub fn resume(snapshot: &Snapshot, place: Place) -> Result<Self, Refusal> {
         let cloth = build_cloth(&snapshot.scene, &snapshot.shape, Some(snapshot.state.clone()))?;
-        let mut world = Self {
-            scene: snapshot.scene.clone(),
-            place,
-            shape: Arc::clone(&snapshot.shape),
-            report: Arc::clone(&snapshot.report),
-            pinned: Vec::new(),
-            hands: Vec::new(),
-            cloth,
-            step: 0,
-            anchor: (0, 0.0),
-            cost: Cost::default(),
-            ledger: Ledger::default(),
-            jitter: Jitter::default(),
-            health: Health::default(),
-            log: Log::default(),
-            checkpoint: None,
-            threads: None,
-        };
+        let built = (Arc::clone(&snapshot.shape), Arc::clone(&snapshot.report));
+        let mut world = Self::of(snapshot.scene.clone(), place, built, cloth);
         world.restore(snapshot);
         Ok(world)
     }

@@ -56,16 +56,7 @@ pub fn params_ui(
     hide: &dyn Fn(&str) -> bool,
     show: impl FnOnce(&mut dyn Visitor),
 ) -> Changes {
-    let mut drawer = ParamsUi {
-        ui,
-        path: Vec::new(),
-        prefix,
-        hidden: false,
-        hide,
-        chosen: Vec::new(),
-        changes: Vec::new(),
-        ended: false,
-    };
+    let mut drawer = ParamsUi::new(ui, Vec::new(), prefix, hide);
     show(&mut drawer);
     Changes { changes: drawer.changes, ended: drawer.ended }
 }
@@ -73,7 +64,12 @@ pub fn params_ui(
 /// From the panel's edge to the widgets, points.
 const LABEL_WIDTH: f32 = 122.0;
 
-impl ParamsUi<'_> {
+impl<'a> ParamsUi<'a> {
+    fn new(ui: &'a mut Ui, path: Vec<&'static str>, prefix: &'a str, hide: &'a dyn Fn(&str) -> bool) -> Self {
+        let (chosen, changes) = (Vec::new(), Vec::new());
+        Self { ui, path, prefix, hidden: false, hide, chosen, changes, ended: false }
+    }
+
     fn key(&self, name: &str) -> String {
         let parts = std::iter::once(self.prefix).chain(self.path.iter().copied()).chain([name]);
         parts.filter(|part| !part.is_empty()).collect::<Vec<_>>().join(".")
@@ -284,16 +280,7 @@ impl Visitor for ParamsUi<'_> {
             .id_salt(&key)
             .default_open(true)
             .show(self.ui, |ui| {
-                let mut drawer = ParamsUi {
-                    ui,
-                    path: path.clone(),
-                    prefix,
-                    hidden: false,
-                    hide,
-                    chosen: Vec::new(),
-                    changes: Vec::new(),
-                    ended: false,
-                };
+                let mut drawer = ParamsUi::new(ui, path.clone(), prefix, hide);
                 inside(&mut drawer);
                 (drawer.changes, drawer.ended)
             });

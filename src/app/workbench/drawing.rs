@@ -35,12 +35,17 @@ impl Workbench {
         let mut bounds: Vec<Option<Bounds>> = Vec::new();
         for (number, (lane, cloth)) in state.lanes.iter().zip(cloths.iter_mut()).enumerate() {
             let earlier = on_the_way(state, lane);
-            self.flags.clone_from(&lane.flags);
-            for particle in &self.session.selection {
-                if let Some(flag) = self.flags.get_mut(*particle as usize) {
-                    *flag |= flag::SELECTED;
+            let flags = if self.session.selection.is_empty() {
+                &lane.flags
+            } else {
+                self.flags.clone_from(&lane.flags);
+                for particle in &self.session.selection {
+                    if let Some(flag) = self.flags.get_mut(*particle as usize) {
+                        *flag |= flag::SELECTED;
+                    }
                 }
-            }
+                &self.flags
+            };
             cloth.set_topology(device, queue, drawing.renderer(), &lane.geometry.topology());
             let kinds = lane.scene.springs.kinds();
             let frame = Frame {
@@ -51,7 +56,7 @@ impl Workbench {
                     positions: &before.positions,
                     part: *part,
                 }),
-                flags: &self.flags,
+                flags,
                 values_version: state.version,
                 values: lane.values.as_ref().map(|values| values.as_slice()),
                 enabled: kinds.each_ref().map(|kind| kind.enabled),

@@ -9,6 +9,7 @@
 
 use super::super::{Event, Progress, Stop};
 use crate::forces::Problem;
+use crate::math::random::Xorshift;
 use crate::model::Particles;
 use faer::Mat;
 use glam::DVec3;
@@ -68,14 +69,8 @@ impl<'a> Map<'a> {
 
     /// A disturbance with all motions in it.
     fn start(&self, problem: &Problem<f64>) -> Vec<DVec3> {
-        let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
-        let mut random = || {
-            // xorshift64 (Marsaglia, "Xorshift RNGs", 2003).
-            seed ^= seed << 13;
-            seed ^= seed >> 7;
-            seed ^= seed << 17;
-            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
-        };
+        let mut numbers = Xorshift::new(0x9e37_79b9_7f4a_7c15);
+        let mut random = || numbers.centred();
         let free = problem.inverse_mass.iter().map(|w| f64::from(u8::from(*w > 0.0)));
         let free: Vec<f64> = free.collect();
         let mut start: Vec<DVec3> =
