@@ -1,6 +1,5 @@
 //! The scalar of a simulation, `f32` or `f64`, and its three-vector: the only place that knows both precisions.
 
-#[cfg(target_arch = "x86_64")]
 pub mod lanes;
 pub mod random;
 
@@ -27,15 +26,18 @@ pub trait Real:
 {
     /// Three of these, from glam.
     type Vec3: Vector<Scalar = Self>;
-    /// Eight of these side by side.
+    /// Eight of these side by side in this architecture's registers.
     #[cfg(target_arch = "x86_64")]
-    type Lanes: lanes::Lanes<Scalar = Self>;
+    type Lanes: lanes::Lanes<Scalar = Self, Proof = pulp::x86::V3>;
     /// 0.
     const ZERO: Self;
     /// 1.
     const ONE: Self;
     /// Distance from 1 to the next number.
     const EPSILON: Self;
+    /// Square root, correctly rounded: the same bits on every machine.
+    #[must_use]
+    fn sqrt(self) -> Self;
     /// The nearest value of this precision.
     fn from_f64(value: f64) -> Self;
     /// The same value in double precision.
@@ -81,10 +83,14 @@ macro_rules! precision {
         impl Real for $real {
             type Vec3 = $vec;
             #[cfg(target_arch = "x86_64")]
-            type Lanes = lanes::$lanes;
+            type Lanes = lanes::avx2::$lanes;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const EPSILON: Self = <$real>::EPSILON;
+            #[inline]
+            fn sqrt(self) -> Self {
+                <$real>::sqrt(self)
+            }
             #[inline]
             fn from_f64(value: f64) -> Self {
                 value as $real

@@ -1,9 +1,10 @@
 //! Air damping: F = -c v on every particle.
 
-use crate::math::Real;
+use std::ops::{Mul, Neg};
 
-/// -c v; `coefficient` is c, kg/s.
-#[inline]
-pub fn force<T: Real>(coefficient: T, velocity: T::Vec3) -> T::Vec3 {
+/// -c v, of a vector or of components; `coefficient` is c, kg/s.
+#[expect(clippy::inline_always, reason = "kernels call it")]
+#[inline(always)]
+pub fn force<V: Mul<C, Output = V> + Neg<Output = V>, C>(coefficient: C, velocity: V) -> V {
     -(velocity * coefficient)
 }

@@ -1,7 +1,7 @@
 //! Gravity: F = m g, along -y.
 
-use crate::math::Real;
 use glam::DVec3;
+use std::ops::Mul;
 
 crate::params! {
     /// The weight of the particles: F = m g along -y, N.
@@ -20,8 +20,9 @@ impl Gravity {
     }
 }
 
-/// m g.
-#[inline]
-pub fn force<T: Real>(acceleration: T::Vec3, mass: T) -> T::Vec3 {
+/// m g, of a vector or of components.
+#[expect(clippy::inline_always, reason = "kernels call it")]
+#[inline(always)]
+pub fn force<A: Mul<M, Output = A>, M>(acceleration: A, mass: M) -> A {
     acceleration * mass
 }

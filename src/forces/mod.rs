@@ -4,7 +4,6 @@ pub mod air_damping;
 pub mod gravity;
 mod problem;
 pub mod pull;
-#[cfg(target_arch = "x86_64")]
 mod sliced;
 mod spectrum;
 pub mod springs;

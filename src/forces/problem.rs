@@ -1,18 +1,15 @@
 //! What a method solves: masses, springs and forces, all constant during a step.
 
+use super::gravity;
 use super::pull::{self, Pull};
-#[cfg(target_arch = "x86_64")]
-use super::sliced::{Components, Slices};
+use super::sliced::{Before, Outside, Slices, Surroundings, Window};
 use super::springs::SpringParams;
 use super::wind::Wind;
-use super::{air_damping, gravity, springs};
 use crate::math::{Real, Vector};
 use crate::model::{Incidence, Numbering, Particles, Springs, Topology};
 use glam::DVec3;
-#[cfg(target_arch = "x86_64")]
-use std::sync::Mutex;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// Revisions are numbered through the whole program; 0 is nobody's.
 fn next_revision() -> u64 {
@@ -76,11 +73,8 @@ pub struct Problem<T: Real> {
     pub threads: usize,
     /// Made when first needed, as everything that is derived from the springs.
     incidence: OnceLock<Incidence>,
-    /// None where the processor lacks the instructions.
-    #[cfg(target_arch = "x86_64")]
-    slices: OnceLock<Option<Slices<T>>>,
-    #[cfg(target_arch = "x86_64")]
-    components: Mutex<Components<T>>,
+    slices: OnceLock<Slices<T>>,
+    windows: Mutex<Vec<Window<T>>>,
     /// See [`Problem::revision`].
     revision: u64,
 }
@@ -112,10 +106,8 @@ impl<T: Real> Problem<T> {
             pulls: Vec::new(),
             threads: 1,
             incidence: OnceLock::new(),
-            #[cfg(target_arch = "x86_64")]
             slices: OnceLock::new(),
-            #[cfg(target_arch = "x86_64")]
-            components: Mutex::default(),
+            windows: Mutex::default(),
             revision: 0,
         };
         problem.set_springs(springs);
@@ -153,10 +145,7 @@ impl<T: Real> Problem<T> {
 
     fn springs_changed(&mut self) {
         self.incidence = OnceLock::new();
-        #[cfg(target_arch = "x86_64")]
-        {
-            self.slices = OnceLock::new();
-        }
+        self.slices = OnceLock::new();
         self.revision = next_revision();
     }
 
@@ -189,69 +178,47 @@ impl<T: Real> Problem<T> {
 
     /// The forces from outside the cloth in the state given, at its time: gravity, wind, hands. Overwrites `force` (N).
     pub fn external_forces(&self, state: &Particles<T>, force: &mut [T::Vec3]) {
-        self.surroundings(state, T::ZERO)(0, force);
+        let Surroundings { mass, gravity, wind, .. } = self.surroundings(state);
+        for (f, &m) in force.iter_mut().zip(mass) {
+            *f = T::Vec3::ZERO + gravity::force(gravity, m) + wind;
+        }
         pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 
     /// All forces on all particles in the state given, at its time. Overwrites `force` (N); counts one evaluation.
     pub fn forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
-        self.spring_forces(state, force, cost, self.surroundings(state, self.air_damping));
+        self.spring_forces(state, force, cost, self.surroundings(state));
         pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 
     /// Adds the forces of the springs to `force` (N); counts one evaluation.
     pub fn add_spring_forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
-        self.spring_forces(state, force, cost, |_, _| ());
+        self.spring_forces(state, force, cost, Before);
     }
 
-    /// Writes gravity, wind and air damping on the particles from an index on, in one pass.
-    fn surroundings<'a>(
-        &'a self,
-        state: &'a Particles<T>,
-        air_damping: T,
-    ) -> impl Fn(usize, &mut [T::Vec3]) + Sync + 'a {
-        let gravity = T::Vec3::from_f64(self.gravity.unwrap_or_default());
-        let wind = T::Vec3::from_f64(self.wind.as_ref().map_or(DVec3::ZERO, |wind| wind.force(state.time)));
-        move |first, force| {
-            let particles = self.mass[first..].iter().zip(&state.velocities[first..]);
-            for (f, (&m, &v)) in force.iter_mut().zip(particles) {
-                // From +0, so that no particle of no force has -0.
-                *f = T::Vec3::ZERO + gravity::force(gravity, m) + wind + air_damping::force(air_damping, v);
-            }
+    fn surroundings(&self, state: &Particles<T>) -> Surroundings<'_, T> {
+        Surroundings {
+            mass: &self.mass,
+            gravity: T::Vec3::from_f64(self.gravity.unwrap_or_default()),
+            wind: T::Vec3::from_f64(self.wind.as_ref().map_or(DVec3::ZERO, |wind| wind.force(state.time))),
+            air_damping: self.air_damping,
         }
     }
 
-    /// Lets `begin` write what acts besides, and adds the springs; every way to the last bit the same.
     fn spring_forces(
         &self,
         state: &Particles<T>,
         force: &mut [T::Vec3],
         cost: &mut Cost,
-        begin: impl Fn(usize, &mut [T::Vec3]) + Sync,
+        outside: impl Outside<T>,
     ) {
         cost.force_evaluations += 1;
         cost.spring_visits += self.springs.len() as u64;
-        #[cfg(target_arch = "x86_64")]
-        if let Some(slices) = self.slices.get_or_init(|| Slices::new(self.particles(), &self.springs)) {
-            // Whoever holds it may have panicked: it is scratch all the same.
-            let mut components = self.components.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            let parallel = self.parallel();
-            return slices.add(
-                &self.springs,
-                self.spring_damping,
-                state,
-                &mut components,
-                force,
-                parallel,
-                begin,
-            );
-        }
-        begin(0, force);
-        if self.parallel() {
-            springs::gather(&self.springs, self.incidence(), self.spring_damping, state, force);
-        } else {
-            springs::scatter(&self.springs, self.spring_damping, state, force);
-        }
+        let slices = self.slices.get_or_init(|| Slices::new(self.particles(), &self.springs));
+        // Whoever held them may have panicked: they are scratch all the same.
+        let mut windows = self.windows.lock().unwrap_or_else(PoisonError::into_inner);
+        let threads = if self.parallel() { self.threads } else { 1 };
+        slices.forces(&self.springs, self.spring_damping, state, &mut windows, force, threads, outside);
     }
 
     /// Whether several threads are at hand and the cloth is large enough to share among them.

@@ -3,9 +3,8 @@
 //! The damping is the thesis' law (eq. 2.4): along all directions, not only along the spring, so that it brakes rigid
 //! rotation too. Where |d| = 0 the spring has no direction and exerts no force.
 
-use crate::math::{Real, Vector};
-use crate::model::{Incidence, KindSettings, Particles, Springs};
-use rayon::prelude::*;
+use crate::math::lanes::Lanes;
+use crate::model::KindSettings;
 
 crate::params! {
     /// One kind of springs.
@@ -45,99 +44,26 @@ impl SpringParams {
     }
 }
 
-/// The force on the first of two particles. Exactly antisymmetric: exchanging the two changes only its sign, which is
-/// what makes [`scatter`] and [`gather`] agree to the last bit.
-#[inline]
-fn pull<T: Real, const DAMPED: bool>(
-    [xi, xj]: [T::Vec3; 2],
-    velocities: impl FnOnce() -> [T::Vec3; 2],
-    rest: T,
-    stiffness: T,
-    damping: T,
-) -> T::Vec3 {
-    let d = xj - xi;
-    let length = d.length();
-    let tension = if length > T::ZERO { stiffness * (length - rest) / length } else { T::ZERO };
+/// The forces on eight particles at x with velocities v from others at x' with v', by component.
+#[expect(clippy::inline_always, reason = "a kernel's")]
+#[inline(always)]
+pub(super) fn pull<L: Lanes, const DAMPED: bool>(
+    [x, there]: [[L; 3]; 2],
+    [v, speed]: [[L; 3]; 2],
+    stiffness: L,
+    rest: L,
+    damping: L,
+) -> [L; 3] {
+    let [dx, dy, dz] = [there[0] - x[0], there[1] - x[1], there[2] - x[2]];
+    let length = (dx * dx + dy * dy + dz * dz).sqrt();
+    let tension = (stiffness * (length - rest) / length).where_positive(length);
     if DAMPED {
-        let [vi, vj] = velocities();
-        d * tension + (vj - vi) * damping
+        [
+            dx * tension + (speed[0] - v[0]) * damping,
+            dy * tension + (speed[1] - v[1]) * damping,
+            dz * tension + (speed[2] - v[2]) * damping,
+        ]
     } else {
-        d * tension
+        [dx * tension, dy * tension, dz * tension]
     }
-}
-
-/// Adds all spring forces, spring by spring: the specification of the pass, and the way on one thread.
-pub fn scatter<T: Real>(springs: &Springs<T>, damping: T, state: &Particles<T>, force: &mut [T::Vec3]) {
-    if damping > T::ZERO {
-        scatter_pass::<T, true>(springs, damping, state, force);
-    } else {
-        scatter_pass::<T, false>(springs, damping, state, force);
-    }
-}
-
-fn scatter_pass<T: Real, const DAMPED: bool>(
-    springs: &Springs<T>,
-    damping: T,
-    state: &Particles<T>,
-    force: &mut [T::Vec3],
-) {
-    let (x, v) = (&state.positions[..], &state.velocities[..]);
-    for group in &springs.groups {
-        let range = group.range.clone();
-        for (pair, &rest) in springs.pairs[range.clone()].iter().zip(&springs.rest[range]) {
-            let [i, j] = pair.map(|p| p as usize);
-            let f = pull::<T, DAMPED>([x[i], x[j]], || [v[i], v[j]], rest, group.stiffness, damping);
-            force[i] += f;
-            force[j] -= f;
-        }
-    }
-}
-
-/// Adds all spring forces, particle by particle, on the threads of the current pool. Every particle adds up its springs
-/// in the order of [`scatter`], so the result is the same to the last bit, whatever the number of threads.
-pub fn gather<T: Real>(
-    springs: &Springs<T>,
-    incidence: &Incidence,
-    damping: T,
-    state: &Particles<T>,
-    force: &mut [T::Vec3],
-) {
-    if damping > T::ZERO {
-        gather_pass::<T, true>(springs, incidence, damping, state, force);
-    } else {
-        gather_pass::<T, false>(springs, incidence, damping, state, force);
-    }
-}
-
-fn gather_pass<T: Real, const DAMPED: bool>(
-    springs: &Springs<T>,
-    incidence: &Incidence,
-    damping: T,
-    state: &Particles<T>,
-    force: &mut [T::Vec3],
-) {
-    /// Particles a task: large enough that handing it to a thread costs little beside it.
-    const TASK: usize = 1024;
-    let (x, v) = (&state.positions[..], &state.velocities[..]);
-    force.par_chunks_mut(TASK).enumerate().for_each(|(task, chunk)| {
-        for (i, f) in (task * TASK..).zip(chunk) {
-            let mut groups = springs.groups.iter();
-            let mut group = groups.next();
-            for &[j, spring] in incidence.around(i) {
-                let spring = spring as usize;
-                while group.is_some_and(|g| spring >= g.range.end) {
-                    group = groups.next();
-                }
-                let Some(g) = group else { break };
-                let j = j as usize;
-                *f += pull::<T, DAMPED>(
-                    [x[i], x[j]],
-                    || [v[i], v[j]],
-                    springs.rest[spring],
-                    g.stiffness,
-                    damping,
-                );
-            }
-        }
-    });
 }

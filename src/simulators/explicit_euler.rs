@@ -5,6 +5,7 @@
 //! It adds energy to every oscillation: amplitudes grow by sqrt(1 + dt² ω²) a step unless damping takes away more, so
 //! an undamped cloth has no stable dt at all. It is here to be seen bursting, and to be compared with.
 
+use super::advance::drift_and_kick;
 use super::{Model, Simulator, region};
 use crate::forces::{Cost, Mode, Problem, Spectrum};
 use crate::math::Real;
@@ -33,11 +34,7 @@ impl Simulator for ExplicitEuler {
     ) {
         force.resize(state.len(), T::Vec3::default());
         problem.forces(state, force, cost);
-        let particles = state.positions.iter_mut().zip(&mut state.velocities);
-        for (((x, v), &f), &w) in particles.zip(&*force).zip(&problem.inverse_mass) {
-            *x += *v * dt;
-            *v += f * (w * dt);
-        }
+        drift_and_kick(problem, state, force, dt);
     }
 
     /// A motion x'' + g x' + ω² x = 0 stays bounded while dt ω² ≤ g (where it oscillates) and 2 dt g - dt² ω² ≤ 4 (where

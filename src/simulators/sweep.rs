@@ -1,40 +1,68 @@
 //! Sweeps: springs that are put right one after the other, each seeing what those before it did, as rigid or as compliant
 //! constraints.
 //!
-//! A sweep is a chain: what a spring does waits for the one before it where they share a particle. Springs are therefore
-//! ordered so that eight in a row share none, and near each other in the mesh; those eight are worked on at once where the
-//! processor can ([`wide`]), with the bits of the plain loops here, which are what a sweep means.
+//! A sweep is a chain: what a spring does waits for the one before it where they share a particle. Two things break it, and
+//! both are part of the order, so that a sweep gives the same bits on any machine and number of threads:
+//!
+//! - Particles are cut into tiles in the order in which they are stored. First come the springs inside of the tiles, then those
+//!   across the border of two neighbours, then the few that lead farther. Tiles share no particle, nor do the strips along
+//!   borders: threads may take a tile or a strip each.
+//! - Inside of these, eight springs in a row share no particle and are worked on at once ([`wide`]), and neither do a few such
+//!   eights one after the other, so that none waits for what the one before it is still computing.
 
-#[cfg(target_arch = "x86_64")]
 mod wide;
 
 use crate::forces::Problem;
-use crate::math::{Real, Vector};
+use crate::math::lanes::LANES;
+use crate::math::{Real, Vector, lanes};
+use rayon::prelude::*;
 
-/// Springs that are worked on at once.
-const EIGHT: usize = 8;
+/// Least number of particles in a tile: few enough for the first cache, many beside those at the borders.
+const TILE: usize = 1024;
 
-/// Springs in the order of a sweep, and the particles that it moves.
+/// The particles that a sweep moves, and the springs in its order.
 #[derive(Debug, Default)]
 pub(super) struct Sweep<T: Real> {
-    /// Their two particles.
-    pairs: Vec<[u32; 2]>,
-    /// Rest lengths, m.
-    rest: Vec<T>,
-    /// Stiffnesses, N/m.
-    stiffness: Vec<T>,
-    /// So many of the first stand in eights whose springs share no particle.
-    wide: usize,
-    /// The problem's revision that they were taken from, and whether in eights.
-    taken: (u64, bool),
+    /// The problem's revision that the springs were taken from, and in which order.
+    taken: (u64, Order),
+    /// Particles in a tile.
+    tile: usize,
+    /// The springs inside of each tile.
+    tiles: Vec<Part<T>>,
+    /// Those across its border to the next.
+    strips: Vec<Part<T>>,
+    /// Those that lead farther.
+    far: Part<T>,
+    /// All springs in a chain, where that is the order.
+    chain: Vec<([u32; 2], T)>,
     /// Where each particle is, m, and the weight by which it gives way: 0 does not move.
     places: Vec<[T; 4]>,
     /// Where each particle was at the start of the step, m.
     starts: Vec<[T; 4]>,
+}
+
+/// The order of a sweep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Order {
+    #[default]
+    Unknown,
+    Creation,
+    Tiles,
+}
+
+/// Springs in eights, lane by lane. A lane for which there is no spring does what the first one does.
+#[derive(Debug, Default)]
+struct Part<T: Real> {
+    /// Their two particles, counted from the first one of the part.
+    pairs: Vec<[[u32; LANES]; 2]>,
+    /// Rest lengths, m.
+    rest: Vec<[T; LANES]>,
+    /// Stiffnesses, N/m.
+    stiffness: Vec<[T; LANES]>,
     /// Impulse that each compliant spring has exerted along itself, N s · s.
-    tension: Vec<T>,
+    tension: Vec<[T; LANES]>,
     /// The same of its damping, by component.
-    friction: [Vec<T>; 3],
+    friction: Vec<[[T; LANES]; 3]>,
 }
 
 /// What compliant springs are in a step of h.
@@ -49,39 +77,59 @@ pub(super) struct Compliance<T> {
 }
 
 impl<T: Real> Sweep<T> {
-    /// Takes the springs of a problem in eights that share no particle, unless they are here already.
-    pub fn in_eights(&mut self, problem: &Problem<T>) {
-        if self.taken != (problem.revision(), true) {
-            let (order, wide) = eights(problem.particles(), &problem.springs.pairs);
-            self.take(problem, &order, wide);
-            self.taken = (problem.revision(), true);
+    /// Takes the springs of a problem tile by tile, unless they are here already.
+    pub fn in_tiles(&mut self, problem: &Problem<T>) {
+        if self.taken == (problem.revision(), Order::Tiles) {
+            return;
         }
+        let (springs, particles) = (&problem.springs, problem.particles());
+        // Springs of a sheet lead on by two of its rows at most, which half a tile holds.
+        self.tile = TILE.max((4.0 * (particles as f64).sqrt()) as usize).next_multiple_of(2);
+        let (tile, half) = (self.tile, self.tile / 2);
+        let tiles = particles.div_ceil(tile);
+        let (mut inside, mut across) = (vec![Vec::new(); tiles], vec![Vec::new(); tiles.saturating_sub(1)]);
+        let mut far = Vec::new();
+        for (spring, pair) in (0..).zip(&springs.pairs) {
+            let [i, j] = pair.map(|p| p as usize);
+            if i / tile == j / tile {
+                inside[i / tile].push(spring);
+            } else if i >= half && (i - half) / tile == (j - half) / tile {
+                across[(i - half) / tile].push(spring);
+            } else {
+                far.push(spring);
+            }
+        }
+        let stiffness = springs.stiffness_of_each();
+        let mut holds = vec![0; particles];
+        let mut part = |chosen: &[u32], first: usize| {
+            let mut part = Part::default();
+            for eight in eights(&springs.pairs, chosen, &mut holds) {
+                let end = |end: usize| eight.map(|s| springs.pairs[s as usize][end] - first as u32);
+                part.pairs.push([end(0), end(1)]);
+                part.rest.push(eight.map(|s| springs.rest[s as usize]));
+                part.stiffness.push(eight.map(|s| stiffness[s as usize]));
+            }
+            part
+        };
+        self.tiles = (0..).zip(&inside).map(|(number, chosen)| part(chosen, number * tile)).collect();
+        self.strips = (0..).zip(&across).map(|(number, chosen)| part(chosen, number * tile + half)).collect();
+        self.far = part(&far, 0);
+        self.chain.clear();
+        self.taken = (problem.revision(), Order::Tiles);
     }
 
     /// Takes the springs of a problem in the order in which they were made, unless they are here already.
     pub fn by_creation(&mut self, problem: &Problem<T>) {
-        if self.taken != (problem.revision(), false) {
-            let ids = &problem.springs.ids;
-            let mut order: Vec<u32> = (0..ids.len() as u32).collect();
-            order.sort_unstable_by_key(|s| ids[*s as usize]);
-            self.take(problem, &order, 0);
-            self.taken = (problem.revision(), false);
+        if self.taken == (problem.revision(), Order::Creation) {
+            return;
         }
-    }
-
-    fn take(&mut self, problem: &Problem<T>, order: &[u32], wide: usize) {
         let springs = &problem.springs;
-        let stiffness = springs.stiffness_of_each();
-        let order = || order.iter().map(|s| *s as usize);
-        self.pairs = order().map(|s| springs.pairs[s]).collect();
-        self.rest = order().map(|s| springs.rest[s]).collect();
-        self.stiffness = order().map(|s| stiffness[s]).collect();
-        self.wide = wide;
-    }
-
-    /// Number of springs.
-    pub fn len(&self) -> usize {
-        self.pairs.len()
+        let mut order: Vec<usize> = (0..springs.len()).collect();
+        order.sort_unstable_by_key(|s| springs.ids[*s]);
+        self.chain.clear();
+        self.chain.extend(order.into_iter().map(|s| (springs.pairs[s], springs.rest[s])));
+        (self.tiles, self.strips, self.far) = (Vec::new(), Vec::new(), Part::default());
+        self.taken = (problem.revision(), Order::Creation);
     }
 
     /// Takes the particles over, with their weights.
@@ -98,32 +146,23 @@ impl<T: Real> Sweep<T> {
     }
 
     /// Puts every spring to its rest length; of the correction each end makes the share w_i / (w_i + w_j).
-    pub fn relax(&mut self) {
-        let done = self.relax_wide();
-        for (pair, &rest) in self.pairs[done..].iter().zip(&self.rest[done..]) {
-            let [i, j] = pair.map(|p| p as usize);
-            let (a, b) = (self.places[i], self.places[j]);
-            let w = a[3] + b[3];
-            let d = point::<T>(&b) - point::<T>(&a);
-            let length = d.length();
-            if w > T::ZERO && length > T::ZERO {
-                let correction = d * ((length - rest) / length);
-                self.places[i] = quad(point::<T>(&a) + correction * (a[3] / w), a[3]);
-                self.places[j] = quad(point::<T>(&b) - correction * (b[3] / w), b[3]);
-            }
+    pub fn relax(&mut self, parallel: bool) {
+        self.each(parallel, |part, places, _| lanes::run(wide::Relax { part, places }));
+        for &(pair, rest) in &self.chain {
+            relax_one(&mut self.places, pair, rest);
         }
     }
 
     /// Begins the step of compliant springs from these positions: no spring has exerted anything yet.
     pub fn begin(&mut self, start: &[T::Vec3], compliance: &Compliance<T>) {
-        let springs = self.pairs.len();
-        let reset = |values: &mut Vec<T>, len: usize| {
-            values.clear();
-            values.resize(len, T::ZERO);
-        };
-        reset(&mut self.tension, springs);
         let is_damped = compliance.all > T::ZERO;
-        self.friction.iter_mut().for_each(|friction| reset(friction, if is_damped { springs } else { 0 }));
+        for part in self.tiles.iter_mut().chain(&mut self.strips).chain([&mut self.far]) {
+            let eights = part.pairs.len();
+            part.tension.clear();
+            part.tension.resize(eights, [T::ZERO; LANES]);
+            part.friction.clear();
+            part.friction.resize(if is_damped { eights } else { 0 }, [[T::ZERO; LANES]; 3]);
+        }
         self.starts.clear();
         if is_damped || compliance.along > T::ZERO {
             self.starts.extend(start.iter().map(|x| quad(*x, T::ZERO)));
@@ -131,56 +170,50 @@ impl<T: Real> Sweep<T> {
     }
 
     /// Lets every spring exert what its compliance and its damping still want.
-    pub fn comply(&mut self, compliance: &Compliance<T>) {
-        let done = self.comply_wide(compliance);
-        let Compliance { square, along, all } = *compliance;
-        for spring in done..self.pairs.len() {
-            let [i, j] = self.pairs[spring].map(|p| p as usize);
-            let (a, b) = (self.places[i], self.places[j]);
-            let w = a[3] + b[3];
-            if w <= T::ZERO {
-                continue;
-            }
-            let d = point::<T>(&b) - point::<T>(&a);
-            let was = || point::<T>(&self.starts[j]) - point::<T>(&self.starts[i]);
-            let length = d.length();
-            let mut impulse = T::Vec3::ZERO;
-            if length > T::ZERO {
-                let n = d * (T::ONE / length);
-                let k = square * self.stiffness[spring];
-                let mut wanted = -(k * (length - self.rest[spring])) - self.tension[spring];
-                if along > T::ZERO {
-                    wanted = wanted - along * n.dot(d - was());
-                }
-                let change = wanted / ((k + along) * w + T::ONE);
-                self.tension[spring] += change;
-                impulse = n * change;
-            }
-            if all > T::ZERO {
-                let friction = self.friction.each_ref().map(|component| component[spring]);
-                let left = (d + impulse * w - was()) * all;
-                let wanted = -left - T::Vec3::from_array(friction);
-                let change = wanted * (T::ONE / (all * w + T::ONE));
-                for (component, (before, change)) in
-                    self.friction.iter_mut().zip(friction.into_iter().zip(change.to_array()))
-                {
-                    component[spring] = before + change;
-                }
-                impulse += change;
-            }
-            self.places[i] = quad(point::<T>(&a) - impulse * a[3], a[3]);
-            self.places[j] = quad(point::<T>(&b) + impulse * b[3], b[3]);
+    pub fn comply(&mut self, compliance: &Compliance<T>, parallel: bool) {
+        let compliance = *compliance;
+        self.each(parallel, |part, places, starts| {
+            lanes::run(wide::Comply { part, places, starts, compliance });
+        });
+    }
+
+    /// Works on every part, with the places of its particles and where those were, in the order of the sweep.
+    fn each(&mut self, parallel: bool, work: impl Fn(&mut Part<T>, &mut [[T; 4]], &[[T; 4]]) + Sync) {
+        let Self { tile, tiles, strips, far, places, starts, .. } = self;
+        let (tile, half) = (*tile, *tile / 2);
+        if tiles.is_empty() {
+            return;
         }
+        let from = |first: usize| starts.get(first..).unwrap_or_default();
+        let of_tile = |(number, (part, places)): (usize, (&mut Part<T>, &mut [[T; 4]]))| {
+            work(part, places, from(number * tile));
+        };
+        let of_strip = |(number, (part, places)): (usize, (&mut Part<T>, &mut [[T; 4]]))| {
+            work(part, places, from(number * tile + half));
+        };
+        let behind = half.min(places.len());
+        if parallel {
+            tiles.par_iter_mut().zip(places.par_chunks_mut(tile)).enumerate().for_each(of_tile);
+            strips.par_iter_mut().zip(places[behind..].par_chunks_mut(tile)).enumerate().for_each(of_strip);
+        } else {
+            tiles.iter_mut().zip(places.chunks_mut(tile)).enumerate().for_each(of_tile);
+            strips.iter_mut().zip(places[behind..].chunks_mut(tile)).enumerate().for_each(of_strip);
+        }
+        work(far, places, starts);
     }
+}
 
-    #[cfg(not(target_arch = "x86_64"))]
-    fn relax_wide(&mut self) -> usize {
-        0
-    }
-
-    #[cfg(not(target_arch = "x86_64"))]
-    fn comply_wide(&mut self, _: &Compliance<T>) -> usize {
-        0
+/// Puts one spring to its rest length.
+fn relax_one<T: Real>(places: &mut [[T; 4]], pair: [u32; 2], rest: T) {
+    let [i, j] = pair.map(|p| p as usize);
+    let (a, b) = (places[i], places[j]);
+    let w = a[3] + b[3];
+    let d = point::<T>(&b) - point::<T>(&a);
+    let length = d.length();
+    if w > T::ZERO && length > T::ZERO {
+        let correction = d * ((length - rest) / (length * w));
+        places[i] = quad(point::<T>(&a) + correction * a[3], a[3]);
+        places[j] = quad(point::<T>(&b) - correction * b[3], b[3]);
     }
 }
 
@@ -193,53 +226,55 @@ fn point<T: Real>(&[x, y, z, _]: &[T; 4]) -> T::Vec3 {
     T::Vec3::from_array([x, y, z])
 }
 
-/// An order of pairs in which each eight in a row, of so many first ones, share no particle; the others follow.
+/// Springs of a group that share no particle: a few eights, one after the other.
+const GROUP: usize = 4 * LANES;
+/// Groups that are open at a time: with more a spring sooner finds one, with fewer those that are next to each other in the
+/// mesh stay so.
+const OPEN: usize = 24;
+
+/// The chosen springs in eights that share no particle, nor do neighbouring ones mostly; where one has fewer than eight, its
+/// first spring stands in all other lanes.
 ///
 /// First fit (as in graph colouring: Welsh and Powell, "An upper bound for the chromatic number of a graph and its application
-/// to timetabling problems", 1967) into at most 64 eights that are open at a time, so that the springs of an eight were near
-/// each other in the list; in time linear in the pairs. What fits into none comes at the end, as do eights that stay incomplete.
-fn eights(particles: usize, pairs: &[[u32; 2]]) -> (Vec<u32>, usize) {
-    const OPEN: usize = u64::BITS as usize;
-    /// No eight holds more.
-    #[derive(Clone, Copy, Default)]
-    struct Eight {
-        springs: [u32; EIGHT],
-        count: usize,
-    }
-    let mut open = [Eight::default(); OPEN];
-    // The open eights that hold a spring of each particle.
-    let mut used = vec![0_u64; particles];
-    let (mut order, mut left) = (Vec::with_capacity(pairs.len()), Vec::new());
-    for (spring, pair) in (0..).zip(pairs) {
-        let [i, j] = pair.map(|p| p as usize);
-        let fits = (!(used[i] | used[j])).trailing_zeros() as usize;
-        let Some(eight) = open.get_mut(fits) else {
-            left.push(spring);
-            continue;
-        };
-        eight.springs[eight.count] = spring;
-        eight.count += 1;
-        used[i] |= 1 << fits;
-        used[j] |= 1 << fits;
-        if eight.count == EIGHT {
-            for &done in &eight.springs {
-                for p in pairs[done as usize] {
-                    used[p as usize] &= !(1 << fits);
-                }
-            }
-            order.extend(eight.springs);
-            eight.count = 0;
+/// to timetabling problems", 1967) into groups that are open, in time linear in the springs. `holds` tells for each particle
+/// by a bit which open groups hold it: none at the beginning and at the end.
+fn eights(pairs: &[[u32; 2]], chosen: &[u32], holds: &mut [u32]) -> Vec<[u32; LANES]> {
+    let mut open: [Vec<u32>; OPEN] = std::array::from_fn(|_| Vec::with_capacity(GROUP));
+    let mut eights = Vec::with_capacity(chosen.len().div_ceil(LANES) + OPEN);
+    let ends = |spring: u32| pairs[spring as usize].map(|p| p as usize);
+    let mut close = |number: usize, group: &mut Vec<u32>, holds: &mut [u32]| {
+        for springs in group.chunks(LANES) {
+            eights.push(std::array::from_fn(|lane| springs.get(lane).copied().unwrap_or(springs[0])));
+        }
+        for end in group.drain(..).flat_map(ends) {
+            holds[end] &= !(1 << number);
+        }
+    };
+    for &spring in chosen {
+        let [i, j] = ends(spring);
+        let mut number = (!(holds[i] | holds[j])).trailing_zeros() as usize;
+        if number >= OPEN {
+            number = (0..OPEN).max_by_key(|number| open[*number].len()).unwrap_or(0);
+            close(number, &mut open[number], holds);
+        }
+        open[number].push(spring);
+        holds[i] |= 1 << number;
+        holds[j] |= 1 << number;
+        if open[number].len() == GROUP {
+            close(number, &mut open[number], holds);
         }
     }
-    let wide = order.len();
-    order.extend(open.iter().flat_map(|eight| &eight.springs[..eight.count]));
-    order.append(&mut left);
-    (order, wide)
+    for (number, group) in open.iter_mut().enumerate() {
+        close(number, group, holds);
+    }
+    eights
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::forces::{SpringSet, springs::SpringParams};
+    use crate::math::lanes::{Kernel, Plain};
     use crate::model::Topology;
     use glam::DVec3;
 
@@ -248,83 +283,167 @@ mod tests {
         spokes_of_hub.chain((1..spokes).map(|i| [i, i + 1])).collect()
     }
 
-    fn sheet() -> (usize, Vec<[u32; 2]>) {
-        let topology = Topology::of(&crate::target::grid(40, 31, 0.1, false));
-        (40 * 31, topology.pairs.concat())
+    const PARTICLES: usize = 100 * 41;
+
+    fn sheet() -> Topology {
+        Topology::of(&crate::target::grid(100, 41, 0.1, false))
     }
 
     #[test]
     fn eight_springs_in_a_row_share_no_particle() {
-        let stars = [3, 40, 200].map(|spokes| (spokes as usize + 1, star_and_ring(spokes)));
-        for (particles, pairs) in stars.into_iter().chain([sheet()]) {
-            let (order, wide) = eights(particles, &pairs);
-            for eight in order[..wide].chunks(EIGHT) {
-                let mut ends: Vec<u32> = eight.iter().flat_map(|s| pairs[*s as usize]).collect();
+        let stars = [3, 40, 200].map(star_and_ring);
+        for pairs in stars.into_iter().chain([sheet().pairs.concat()]) {
+            let chosen: Vec<u32> = (0..pairs.len() as u32).collect();
+            let mut holds = vec![0; PARTICLES];
+            let mut all = Vec::new();
+            for eight in eights(&pairs, &chosen, &mut holds) {
+                let others = eight[1..].iter().filter(|s| **s != eight[0]);
+                let springs: Vec<u32> = eight[..1].iter().chain(others).copied().collect();
+                let mut ends: Vec<u32> = springs.iter().flat_map(|s| pairs[*s as usize]).collect();
                 ends.sort_unstable();
                 ends.dedup();
-                assert_eq!(ends.len(), 2 * EIGHT);
+                assert_eq!(ends.len(), 2 * springs.len());
+                all.extend(springs);
             }
-            let mut all = order;
             all.sort_unstable();
-            assert!(all.into_iter().eq(0..pairs.len() as u32));
+            assert_eq!(all, chosen);
+            assert!(holds.iter().all(|groups| *groups == 0));
         }
-        let (particles, pairs) = sheet();
-        let wide = eights(particles, &pairs).1;
-        assert!(pairs.len() - wide < 64 * EIGHT, "of a sheet only what is open at the end is left over");
     }
 
-    /// A sweep over a sheet that is out of shape, with two springs without length and particles that do not move.
-    fn swept<T: Real>(is_wide: bool, go: impl Fn(&mut Sweep<T>, &[T::Vec3])) -> Vec<[T; 4]> {
-        let (particles, pairs) = sheet();
-        let (order, wide) = eights(particles, &pairs);
-        let place = |i: usize, scale: f64| {
-            let t = if i % 97 == 96 { i as f64 - 1.0 } else { i as f64 };
-            T::Vec3::from_f64(DVec3::new((t * 0.7).sin(), (t * 1.3).cos(), (t * 2.1).sin()) * scale)
-        };
-        let positions: Vec<T::Vec3> = (0..particles).map(|i| place(i, 1.0)).collect();
-        let starts: Vec<T::Vec3> = (0..particles).map(|i| place(i, 0.9)).collect();
-        let number = |s: u32, scale: f64| T::from_f64((f64::from(s) * 0.37).cos().abs() * scale);
-        let mut sweep = Sweep {
-            rest: order.iter().map(|s| number(*s, 1.0)).collect(),
-            stiffness: order.iter().map(|s| number(*s, 1000.0)).collect(),
-            pairs: order.iter().map(|s| pairs[*s as usize]).collect(),
-            wide: if is_wide { wide } else { 0 },
-            ..Sweep::default()
-        };
-        // A row of particles that do not move: springs among them do nothing.
-        let weights = (0..particles as u32).map(|i| if i < 40 { T::ZERO } else { number(i, 0.8) });
-        sweep.enter(&positions, weights);
-        go(&mut sweep, &starts);
-        sweep.places
+    /// Springs with two that have no length, and a hundred particles that do not move.
+    fn place<T: Real>(i: usize, scale: f64) -> T::Vec3 {
+        let t = if i % 97 == 96 { i as f64 - 1.0 } else { i as f64 };
+        T::Vec3::from_f64(DVec3::new((t * 0.7).sin(), (t * 1.3).cos(), (t * 2.1).sin()) * scale)
+    }
+
+    /// A sheet in tiles, with some springs that lead far.
+    fn tiles<T: Real>() -> (Problem<T>, Sweep<T>) {
+        let mut topology = sheet();
+        topology.pairs[2].extend([[7, 3000], [8, 2500], [9, 4000], [50, 2000]]);
+        topology.pairs[2].sort_unstable();
+        let rest: Vec<T::Vec3> = (0..PARTICLES).map(|i| place::<T>(i, 0.7)).collect();
+        let params = SpringParams::default();
+        let set = SpringSet { topology: &topology, rest_positions: &rest, params: &params, broken: &[] };
+        let problem = Problem::new(vec![T::ONE; PARTICLES], &set);
+        let mut sweep = Sweep::default();
+        sweep.in_tiles(&problem);
+        let positions: Vec<T::Vec3> = (0..PARTICLES).map(|i| place::<T>(i, 1.0)).collect();
+        let weight = |i: usize| T::from_f64(if i < 100 { 0.0 } else { (i as f64 * 0.37).cos().abs() * 0.8 });
+        sweep.enter(&positions, (0..PARTICLES).map(weight));
+        (problem, sweep)
+    }
+
+    /// Every spring of a sweep, in its order, with its particles, rest length and stiffness.
+    fn in_order<T: Real>(sweep: &Sweep<T>) -> Vec<([u32; 2], T, T)> {
+        let (tile, half) = (sweep.tile as u32, sweep.tile as u32 / 2);
+        let tiles = (0..).zip(&sweep.tiles).map(|(number, part)| (number * tile, part));
+        let strips = (0..).zip(&sweep.strips).map(|(number, part)| (number * tile + half, part));
+        let mut springs = Vec::new();
+        for (first, part) in tiles.chain(strips).chain([(0, &sweep.far)]) {
+            for (([i, j], rest), stiffness) in part.pairs.iter().zip(&part.rest).zip(&part.stiffness) {
+                for lane in 0..LANES {
+                    let pair = [i[lane] + first, j[lane] + first];
+                    if lane == 0 || pair != [i[0] + first, j[0] + first] {
+                        springs.push((pair, rest[lane], stiffness[lane]));
+                    }
+                }
+            }
+        }
+        springs
+    }
+
+    /// What a compliant spring does, one by one and in scalars, given what it has exerted.
+    fn comply_one<T: Real>(
+        places: &mut [[T; 4]],
+        was: T::Vec3,
+        ([i, j], rest, stiffness): ([u32; 2], T, T),
+        compliance: &Compliance<T>,
+        (tension, friction): &mut (T, T::Vec3),
+    ) {
+        let Compliance { square, along, all } = *compliance;
+        let (i, j) = (i as usize, j as usize);
+        let (a, b) = (places[i], places[j]);
+        let w = a[3] + b[3];
+        if w <= T::ZERO {
+            return;
+        }
+        let d = point::<T>(&b) - point::<T>(&a);
+        let length = d.length();
+        let mut impulse = T::Vec3::ZERO;
+        if length > T::ZERO {
+            let n = d * (T::ONE / length);
+            let k = square * stiffness;
+            let mut wanted = -(k * (length - rest)) - *tension;
+            if along > T::ZERO {
+                wanted = wanted - along * n.dot(d - was);
+            }
+            let change = wanted / ((k + along) * w + T::ONE);
+            *tension += change;
+            impulse = n * change;
+        }
+        if all > T::ZERO {
+            let left = (d + impulse * w - was) * all;
+            let change = (-left - *friction) * (T::ONE / (all * w + T::ONE));
+            *friction += change;
+            impulse += change;
+        }
+        places[i] = quad(point::<T>(&a) - impulse * a[3], a[3]);
+        places[j] = quad(point::<T>(&b) + impulse * b[3], b[3]);
     }
 
     fn agree<T: Real>() {
-        let relax = |is_wide| {
-            swept::<T>(is_wide, |sweep, _| {
-                sweep.relax();
-                sweep.relax();
-            })
-        };
-        assert_eq!(relax(true), relax(false));
+        let (problem, mut sweep) = tiles::<T>();
+        let springs = in_order(&sweep);
+        assert_eq!(springs.len(), problem.springs.len());
+        assert!(sweep.tiles.len() > 3 && !sweep.strips[0].pairs.is_empty() && !sweep.far.pairs.is_empty());
+        let mut one_by_one = sweep.places.clone();
+        for _ in 0..2 {
+            springs.iter().for_each(|(pair, rest, _)| relax_one(&mut one_by_one, *pair, *rest));
+        }
+        let start = sweep.places.clone();
+        for parallel in [false, true] {
+            sweep.places.clone_from(&start);
+            sweep.relax(parallel);
+            sweep.relax(parallel);
+            assert_eq!(sweep.places, one_by_one, "parallel: {parallel}");
+        }
+        let starts: Vec<T::Vec3> = (0..PARTICLES).map(|i| place::<T>(i, 0.9)).collect();
         for (along, all) in [(0.0, 0.0), (0.3, 0.0), (0.0, 0.2)] {
             let compliance =
                 Compliance { square: T::from_f64(1e-3), along: T::from_f64(along), all: T::from_f64(all) };
-            let comply = |is_wide| {
-                swept::<T>(is_wide, |sweep, starts| {
-                    sweep.begin(starts, &compliance);
-                    sweep.comply(&compliance);
-                    sweep.comply(&compliance);
-                })
-            };
-            let (wide, plain) = (comply(true), comply(false));
-            assert!(plain.iter().flatten().all(|x| x.to_f64().is_finite()));
-            assert_eq!(wide, plain, "damping {along} along, {all} in all directions");
+            let mut one_by_one = start.clone();
+            let mut exerted = vec![(T::ZERO, T::Vec3::ZERO); springs.len()];
+            for _ in 0..2 {
+                for (spring, exerted) in springs.iter().zip(&mut exerted) {
+                    let [i, j] = spring.0.map(|p| starts[p as usize]);
+                    comply_one(&mut one_by_one, j - i, *spring, &compliance, exerted);
+                }
+            }
+            assert!(one_by_one.iter().flatten().all(|x| x.to_f64().is_finite()));
+            for parallel in [false, true] {
+                sweep.places.clone_from(&start);
+                sweep.begin(&starts, &compliance);
+                sweep.comply(&compliance, parallel);
+                sweep.comply(&compliance, parallel);
+                assert_eq!(sweep.places, one_by_one, "damping {along} along, {all} in all directions");
+            }
         }
     }
 
     #[test]
-    fn eight_at_once_give_the_bits_of_one_by_one() {
+    fn tiles_eights_and_threads_give_the_bits_of_one_by_one() {
         agree::<f32>();
         agree::<f64>();
+    }
+
+    #[test]
+    fn a_sweep_in_plain_arrays_gives_the_same_bits() {
+        let (_, mut sweep) = tiles::<f32>();
+        let mut plain = sweep.places.clone();
+        let part = &sweep.tiles[0];
+        wide::Relax { part, places: &mut plain }.run::<Plain<f32>>(());
+        lanes::run(wide::Relax { part, places: &mut sweep.places });
+        assert_eq!(plain, sweep.places);
     }
 }

@@ -6,6 +6,7 @@
 //! Costs what explicit Euler costs, but keeps the energy of an undamped cloth near its true value for ever (Hairer,
 //! Lubich, Wanner, "Geometric Numerical Integration", 2006, I.1) while dt < 2/ω of the fastest motion.
 
+use super::advance::kick_and_drift;
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
@@ -34,11 +35,7 @@ impl Simulator for SymplecticEuler {
     ) {
         force.resize(state.len(), T::Vec3::default());
         problem.forces(state, force, cost);
-        let particles = state.positions.iter_mut().zip(&mut state.velocities);
-        for (((x, v), &f), &w) in particles.zip(&*force).zip(&problem.inverse_mass) {
-            *v += f * (w * dt);
-            *x += *v * dt;
-        }
+        kick_and_drift(problem, state, force, dt);
     }
 
     /// With damping taken at the old velocity a motion x'' + g x' + ω² x = 0 stays bounded while dt² ω² + 2 dt g ≤ 4, so

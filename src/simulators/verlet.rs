@@ -107,7 +107,7 @@ impl Simulator for Verlet {
         }
         match self.order {
             Order::Creation => sweep.by_creation(problem),
-            Order::Coloured => sweep.in_eights(problem),
+            Order::Coloured => sweep.in_tiles(problem),
         }
         let free = problem.inverse_mass.iter();
         match self.correction {
@@ -118,7 +118,7 @@ impl Simulator for Verlet {
             Correction::MassWeighted => sweep.enter(&state.positions, free.copied()),
         }
         for _ in 0..self.sweeps {
-            sweep.relax();
+            sweep.relax(problem.parallel());
             cost.spring_visits += problem.springs.len() as u64;
         }
         sweep.leave(&mut state.positions);

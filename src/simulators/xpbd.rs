@@ -69,7 +69,7 @@ impl Simulator for Xpbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        scratch.sweep.in_eights(problem);
+        scratch.sweep.in_tiles(problem);
         let beginning = state.time;
         let substep = dt.to_f64() / f64::from(self.substeps);
         for n in 0..self.substeps {
@@ -110,11 +110,11 @@ impl Xpbd {
         sweep.enter(&state.positions, inertia.inverse.iter().copied());
         sweep.begin(start, &compliance);
         for _ in 0..self.iterations {
-            sweep.comply(&compliance);
+            sweep.comply(&compliance, problem.parallel());
         }
         sweep.leave(&mut state.positions);
         cost.solver_iterations += u64::from(self.iterations);
-        cost.spring_visits += u64::from(self.iterations) * sweep.len() as u64;
+        cost.spring_visits += u64::from(self.iterations) * problem.springs.len() as u64;
         velocities_of_the_way(start, state, h, &inertia.inverse);
         // Dividing positions by a short h enlarges their rounding, which would let momentum drift.
         inertia.keep_momentum(&mut state.velocities);

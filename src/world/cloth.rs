@@ -40,6 +40,18 @@ pub(super) struct Cloth<T: Real> {
     rest_positions: Vec<T::Vec3>,
     /// Mean rest length of the springs that act, m; 0 without springs.
     pub mean_rest: f64,
+    /// The particles that can move.
+    pub free: Free,
+}
+
+/// The particles that can move.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Free {
+    pub count: usize,
+    /// Of all, kg.
+    pub mass: f64,
+    /// Of the heaviest, kg.
+    pub heaviest: f64,
 }
 
 impl<T: Real> Cloth<T> {
@@ -81,7 +93,15 @@ impl<T: Build> Cloth<T> {
         let mut problem = Problem::new(numbering.to_inner(&mass), &set);
         problem.renumber_springs(&numbering);
         let stepper = T::build(&scene.simulator)?;
-        let mut cloth = Self { problem, state, numbering, stepper, rest_positions, mean_rest: 0.0 };
+        let mut cloth = Self {
+            problem,
+            state,
+            numbering,
+            stepper,
+            rest_positions,
+            mean_rest: 0.0,
+            free: Free::default(),
+        };
         cloth.measure_rest();
         cloth.set_environment(scene);
         Ok(cloth)
@@ -134,9 +154,19 @@ impl<T: Build> Cloth<T> {
         &*self.stepper
     }
 
-    /// Makes a particle immovable, or free.
-    pub fn set_fixed(&mut self, particle: u32, fixed: bool) {
-        self.problem.set_fixed(self.index(particle), fixed);
+    /// Makes particles immovable, known by their own numbers, and all others free.
+    pub fn set_fixed(&mut self, fixed: impl Iterator<Item = u32>) {
+        (0..self.problem.particles()).for_each(|index| self.problem.set_fixed(index, false));
+        for particle in fixed {
+            self.problem.set_fixed(self.index(particle), true);
+        }
+        let masses = self.problem.mass.iter().zip(&self.problem.inverse_mass);
+        let free = masses.filter(|(_, w)| **w > T::ZERO).map(|(m, _)| m.to_f64());
+        self.free = free.fold(Free::default(), |free, m| Free {
+            count: free.count + 1,
+            mass: free.mass + m,
+            heaviest: free.heaviest.max(m),
+        });
     }
 
     /// Takes over where hands that pull will be at the end of the next step.

@@ -23,11 +23,11 @@ pub use recording::{Entry, Recording};
 pub use script::{Play, Script};
 pub use stored::Stored;
 
-use crate::forces::{Cost, Spectrum};
+use crate::forces::Cost;
 use crate::math::{Real, Vector};
-use crate::model::{Memory, Numbering, Particles, Topology};
+use crate::model::{Memory, Numbering, Particles};
 use crate::scene::{Built, Place, Precision, Refusal, Scene};
-use crate::target::{ImportReport, QuadMesh};
+use crate::target::ImportReport;
 use cloth::{Cloth, Shape};
 use glam::DVec3;
 use hand::{Grip, Hand};
@@ -387,12 +387,9 @@ impl World {
         let threads = self.threads.as_ref().map_or(1, |pool| pool.current_num_threads());
         on!(&mut self.cloth, c => {
             c.problem.threads = threads;
-            for (particle, pinned) in (0..).zip(&self.pinned) {
-                c.set_fixed(particle, *pinned);
-            }
-            for hand in self.hands.iter().filter(|h| h.holds()) {
-                c.set_fixed(hand.particle, true);
-            }
+            let pinned = (0..).zip(&self.pinned).filter(|(_, pinned)| **pinned).map(|(particle, _)| particle);
+            let held = self.hands.iter().filter(|hand| hand.holds()).map(|hand| hand.particle);
+            c.set_fixed(pinned.chain(held));
             c.set_pulls(&self.hands);
         });
     }
