@@ -11,8 +11,8 @@ use crate::model::{Incidence, Numbering, Particles, Springs, Topology};
 use glam::DVec3;
 #[cfg(target_arch = "x86_64")]
 use std::sync::Mutex;
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// Revisions are numbered through the whole program; 0 is nobody's.
 fn next_revision() -> u64 {
@@ -74,6 +74,8 @@ pub struct Problem<T: Real> {
     pub pulls: Vec<Pull<T>>,
     /// Threads of the current pool that forces may be shared among.
     pub threads: usize,
+    /// Set by whoever does not want to wait for the step under way; see [`Problem::is_stopped`].
+    pub stop: Option<Arc<AtomicBool>>,
     /// Made when first needed, as everything that is derived from the springs.
     incidence: OnceLock<Incidence>,
     /// None where the processor lacks the instructions.
@@ -111,6 +113,7 @@ impl<T: Real> Problem<T> {
             wind: None,
             pulls: Vec::new(),
             threads: 1,
+            stop: None,
             incidence: OnceLock::new(),
             #[cfg(target_arch = "x86_64")]
             slices: OnceLock::new(),
@@ -252,6 +255,12 @@ impl<T: Real> Problem<T> {
         } else {
             springs::scatter(&self.springs, self.spring_damping, state, force);
         }
+    }
+
+    /// Whether the step under way is to be broken off, wherever it is: whoever asked for it will not use what it leaves. A
+    /// method looks between iterations of which there can be many.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// Whether several threads are at hand and the cloth is large enough to share among them.

@@ -1,7 +1,7 @@
 //! Snapshots as text: a running simulation that can be written down, and go on from there in another process.
 
 use super::packed::{Counts, Packed};
-use super::{AnyState, Entry, Hand, Health, Jitter, Ledger, Log, Snapshot, World, build_cloth, build_shape};
+use super::{AnyState, Entry, Hand, Ledger, Log, Snapshot, World, build_cloth, build_shape};
 use crate::forces::Cost;
 use crate::model::{Memory, Particles};
 use crate::scene::{Place, Precision, Refusal, Scene};
