@@ -135,6 +135,10 @@ fn run(
         }
         if let Some(autosave) = autosave.as_deref_mut().filter(|autosave| autosave.wait().is_zero()) {
             autosave.put(engine.draft());
+            if let Some(why) = autosave.failure() {
+                engine.tell(format!("what is done is not saved by itself: {why}"));
+                news = true;
+            }
         }
         let idle = if news { every.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
         let idle = autosave.as_ref().map_or(idle, |autosave| idle.min(autosave.wait()));

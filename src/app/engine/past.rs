@@ -142,7 +142,8 @@ impl Engine {
         Some([play.time(&lane.world), play.script().seconds()])
     }
 
-    pub(super) fn tell(&mut self, what: String) {
+    /// Tells the user of something.
+    pub(in crate::app) fn tell(&mut self, what: String) {
         let number = self.news.as_ref().map_or(0, |(number, _)| *number) + 1;
         self.news = Some((number, what));
     }
