@@ -45,3 +45,21 @@ fn no_method_allocates_over_a_thousand_steps() {
         }
     }
 }
+
+#[test]
+fn what_is_counted_is_what_is_held() {
+    let elsewhere = || std::thread::spawn(|| vec![1_u8; 1 << 20]).join().unwrap();
+    let ((kept, requests), most) = memory::measured(|| {
+        let mut kept = Vec::with_capacity(1000);
+        let requests = memory::requests(|| {
+            kept.resize(5000, 1_u8); // held twice while it moves
+            drop(std::hint::black_box(vec![0_u8; 2000]));
+        });
+        (kept, requests)
+    });
+    assert_eq!((kept.capacity(), requests, most), (5000, 2, 7000));
+    // The whole process: other tests run beside this one, and hold less.
+    let before = memory::held();
+    let far = elsewhere();
+    assert!(memory::held() > before + far.len() / 2);
+}

@@ -412,3 +412,35 @@ fn render_draws_a_scene_or_says_what_is_missing() {
     }
     assert!(!dir.path().join("q.png").exists());
 }
+
+/// A step of which there would be some hours is no reason to wait.
+#[test]
+#[cfg(target_os = "linux")]
+fn ctrl_c_breaks_off_a_step() {
+    let dir = folder();
+    let child = Command::new(env!("CARGO_BIN_EXE_tenter"))
+        .args(["run", "sheet", "--steps", "3", "--json", "--set", "simulator.id=xpbd"])
+        .args(["--set", "simulator.params.substeps=100000", "--set", "simulator.params.iterations=100000"])
+        .current_dir(dir.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("tenter starts");
+    let catches_interrupts = || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", child.id())).unwrap_or_default();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+        caught.is_some_and(|mask| u64::from_str_radix(mask.trim(), 16).is_ok_and(|mask| mask & 0b10 != 0))
+    };
+    while !catches_interrupts() {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    let told = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(told.success());
+    let output = child.wait_with_output().expect("it ends");
+    let result = json(&output);
+    assert_eq!((&result["steps"], &result["health"]["state"]), (&0.into(), &"ok".into()));
+    let warned = String::from_utf8(output.stderr).expect("text");
+    assert_eq!(warned.lines().count(), 1, "{warned}");
+    assert!(warned.contains("interrupted after 0 of 3 steps"), "{warned}");
+}

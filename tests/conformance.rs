@@ -11,8 +11,9 @@ use tenter::forces::wind::Wind;
 use tenter::forces::{Cost, Problem};
 use tenter::math::{Real, Vector};
 use tenter::model::{Memory, Particles};
+use tenter::params::{Info, Visitor};
 use tenter::scene::{Pin, Pins, Place, Precision, Scene, Tearing};
-use tenter::simulators::{self, Build, Entry, Model, SimulatorSettings};
+use tenter::simulators::{self, Build, Entry, Model, SimulatorSettings, Value};
 use tenter::world::{Command, World};
 
 /// Every force on a soft sheet: no method bursts on it, and nothing is amplified much.
@@ -347,5 +348,51 @@ fn single_precision_follows_double_as_far_as_its_rounding_lets_it() {
         // As in the test above: quadratic in the steps where velocities come from positions.
         let bound = 250.0 * 250.0 * 10.0 * f64::from(f32::EPSILON);
         assert!(worst > 0.0 && worst < bound, "{}: {worst:e}, bound {bound:e}", entry.id);
+    }
+}
+
+/// Settings with which a method works as long as it ever does: the finest tolerance, the most iterations.
+struct Longest(SimulatorSettings);
+
+impl Longest {
+    fn put(&mut self, info: &Info, value: Value) {
+        self.0 = self.0.clone().with(info.name, value);
+    }
+}
+
+impl Visitor for Longest {
+    fn number(&mut self, info: &'static Info, _: &mut f64, _: f64) {
+        if let Some(range) = &info.range {
+            self.put(info, Value::Number(*range.start()));
+        }
+    }
+    fn count(&mut self, info: &'static Info, _: &mut u32, _: u32) {
+        if let Some(range) = &info.range {
+            self.put(info, Value::Count(*range.end() as u64));
+        }
+    }
+    fn switch(&mut self, _: &'static Info, _: &mut bool, _: bool) {}
+    fn choice(&mut self, _: &'static Info, _: &'static [&'static str], _: &mut usize, _: usize) {}
+    fn vector(&mut self, _: &'static Info, _: &mut DVec3, _: DVec3) {}
+    fn group(&mut self, _: &'static Info, _: &mut dyn FnMut(&mut dyn Visitor)) {}
+}
+
+/// A few passes over the springs and no more, where there could be millions: so a user who does not want to wait for a step
+/// does not wait.
+#[test]
+fn a_method_that_is_stopped_returns_soon_whatever_it_is_set_to() {
+    fn passes<T: Build>(settings: &SimulatorSettings) -> f64 {
+        let (mut problem, mut state) = problem::<T>(&Scene { dt: 10.0, ..lively() });
+        problem.stop = Some(std::sync::Arc::new(true.into()));
+        let mut cost = Cost::default();
+        T::build(settings).unwrap().step(&problem, &mut state, T::from_f64(10.0), &mut cost);
+        cost.spring_visits as f64 / problem.springs.len() as f64
+    }
+    for entry in simulators::ALL {
+        let mut longest = Longest(SimulatorSettings::new(entry.id));
+        entry.visit(&longest.0.params.clone(), &mut longest);
+        for passes in [passes::<f32>(&longest.0), passes::<f64>(&longest.0)] {
+            assert!(passes <= 10.0, "{}: {passes} passes over the springs", entry.id);
+        }
     }
 }

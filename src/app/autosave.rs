@@ -182,6 +182,8 @@ struct Shared {
 struct Inbox {
     draft: Option<Draft>,
     is_closed: bool,
+    /// Why nothing is written any more, until somebody has been told.
+    failure: Option<String>,
 }
 
 impl Shared {
@@ -191,6 +193,7 @@ impl Shared {
 
     fn work(&self) {
         let mut inbox = self.inbox();
+        let mut is_failing = false;
         while !inbox.is_closed {
             let Some(draft) = inbox.draft.take() else {
                 inbox = self.news.wait(inbox).unwrap_or_else(PoisonError::into_inner);
@@ -203,12 +206,24 @@ impl Shared {
                 break;
             }
             drop(inbox);
-            // A disk that is full now may not be in a second.
-            if draft.write(self.slot.file()).is_ok() {
-                self.written.fetch_add(1, Ordering::Relaxed);
-            }
+            let written = draft.write(self.slot.file());
             drop(writing);
             inbox = self.inbox();
+            let was_failing = std::mem::replace(&mut is_failing, written.is_err());
+            match written {
+                Ok(()) => {
+                    self.written.fetch_add(1, Ordering::Relaxed);
+                }
+                Err(why) => {
+                    // A disk that is full now may not be in a second.
+                    inbox.draft.get_or_insert(draft);
+                    if !was_failing {
+                        inbox.failure = Some(why.to_string());
+                    }
+                    let waited = self.news.wait_timeout(inbox, EVERY);
+                    inbox = waited.unwrap_or_else(PoisonError::into_inner).0;
+                }
+            }
         }
     }
 
@@ -241,6 +256,11 @@ impl Autosave {
             self.shared.inbox().draft = draft;
             self.shared.news.notify_one();
         }
+    }
+
+    /// Why nothing is written any more, once.
+    pub fn failure(&self) -> Option<String> {
+        self.shared.inbox().failure.take()
     }
 
     /// What becomes of the drafts.

@@ -12,7 +12,10 @@ mod timeline;
 
 use std::{
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -68,6 +71,9 @@ pub struct Engine {
     grips: Grips,
     /// Threads that each lane steps on, where the user has said so.
     threads: Option<usize>,
+    /// Set from outside where a step takes too long: it is broken off, and none is taken until [`Order::Run`] says that time
+    /// stands still.
+    stop: Arc<AtomicBool>,
     /// The state that was handed out last.
     studied: Option<Studied>,
     /// The last thing that happened by itself, with its number.
@@ -114,6 +120,7 @@ impl Engine {
             timeline: Timeline::default(),
             grips: Grips::default(),
             threads,
+            stop: Arc::default(),
             studied: None,
             news: None,
             file: None,
@@ -121,6 +128,15 @@ impl Engine {
         };
         engine.open(setups)?;
         Ok(engine)
+    }
+
+    /// What breaks off a step that takes too long, once it is set; the next order is to be that time stands still.
+    pub fn stop(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.stop)
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// Takes one order; what is refused is told with the state and changes nothing.
@@ -148,6 +164,9 @@ impl Engine {
             Order::Run(running) => {
                 self.running = running;
                 self.rest();
+                if !running && self.stop.swap(false, Ordering::Relaxed) {
+                    self.tell("broken off: the cloth is as it was after its last whole step".to_owned());
+                }
             }
             Order::Step(beats) => {
                 self.running = false;
@@ -155,7 +174,7 @@ impl Engine {
                 for _ in 0..beats {
                     let plays = self.replay().is_some();
                     self.beat();
-                    if plays && self.replay().is_none() {
+                    if self.is_stopped() || (plays && self.replay().is_none()) {
                         break;
                     }
                 }
@@ -325,7 +344,7 @@ impl Engine {
         self.owed = (self.owed + tick.steps).min(most);
         let start = Instant::now();
         let mut taken = 0;
-        while self.owed > 0 && self.running {
+        while self.owed > 0 && self.running && !self.is_stopped() {
             self.beat();
             self.owed -= 1;
             taken += 1;
@@ -373,10 +392,13 @@ impl Engine {
                 let _ = lane.world.apply(Command::Release { particles: particles.clone() });
             }
         }
-        if self.lanes.iter().any(|lane| lane.world.health().is_diverged()) {
+        let has_burst = self.lanes.iter().any(|lane| lane.world.health().is_diverged());
+        if has_burst {
             self.running = false;
             self.measure_at = Instant::now();
             self.limit_at = self.measure_at;
+        }
+        if has_burst || self.is_stopped() {
             if has_moved {
                 // No steps lead beyond.
                 self.timeline.jump();

@@ -54,7 +54,7 @@ pub struct Exporting {
 #[derive(Default)]
 struct Shared {
     frames: AtomicU64,
-    stop: AtomicBool,
+    stop: Arc<AtomicBool>,
 }
 
 impl Exporting {
@@ -115,6 +115,7 @@ impl Shared {
     fn export(&self, wish: &Wish, format: Format, span: Span) -> Result<String, Refusal> {
         let Wish { scene, place, path, .. } = wish;
         let mut world = World::new(scene.clone(), place.clone())?;
+        world.heed(Some(Arc::clone(&self.stop)));
         if format.is_drawn() {
             let size = wish.size.unwrap_or_else(|| size_of(format));
             let run = &mut |world: &mut World, sink: &mut dyn Sink| self.run(world, span, sink);

@@ -7,7 +7,7 @@ mod hold;
 mod lanes;
 mod past;
 
-use std::{collections::BTreeSet, path::PathBuf, sync::Arc};
+use std::{collections::BTreeSet, path::PathBuf, sync::Arc, time::Duration};
 
 use glam::DVec3;
 
@@ -235,10 +235,29 @@ impl Session {
         self.running
     }
 
-    /// Runs or pauses.
+    /// Runs or pauses; a step that takes long is broken off for a pause.
     pub fn run(&mut self, running: bool) {
         self.running = running;
+        if !running
+            && self.is_stuck()
+            && let Link::Thread(simulation) = &self.link
+        {
+            simulation.break_off();
+        }
         self.order(Order::Run(running));
+    }
+
+    /// How long the simulation has been at work without a look at what is asked of it.
+    pub fn at_work(&self) -> Duration {
+        match &self.link {
+            Link::Thread(simulation) => simulation.at_work(),
+            Link::Here(_) => Duration::ZERO,
+        }
+    }
+
+    /// Whether that is so long that the user is told how to break it off.
+    pub fn is_stuck(&self) -> bool {
+        self.at_work() > Duration::from_secs(1)
     }
 
     /// Chooses what colours the surface.

@@ -3,6 +3,7 @@
 use std::{
     sync::{
         Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
         mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel},
     },
     thread::JoinHandle,
@@ -20,6 +21,9 @@ pub struct Simulation {
     orders: Sender<Order>,
     sent: u64,
     state: Arc<Mutex<Arc<State>>>,
+    /// Since when the thread has been at work without a look at its orders.
+    at_work: Arc<Mutex<Option<Instant>>>,
+    stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<Engine>>,
 }
 
@@ -42,12 +46,13 @@ impl Simulation {
     ) -> std::io::Result<Self> {
         let (orders, inbox) = channel();
         let state = Arc::new(Mutex::new(Arc::new(engine.state())));
-        let outbox = Arc::clone(&state);
+        let (stop, at_work) = (engine.stop(), Arc::default());
+        let (outbox, watch) = (Arc::clone(&state), Arc::clone(&at_work));
         let thread = std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
-            run(&mut engine, autosave.as_mut(), &inbox, &outbox, wake);
+            run(&mut engine, autosave.as_mut(), &inbox, &outbox, &watch, wake);
             engine
         })?;
-        Ok(Self { orders, sent: 0, state, thread: Some(thread) })
+        Ok(Self { orders, sent: 0, state, at_work, stop, thread: Some(thread) })
     }
 
     /// The thread, the first time: it ends once this is dropped, and gives the engine back.
@@ -68,6 +73,17 @@ impl Simulation {
         Arc::clone(&self.state.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
+    /// How long the thread has been at work without a look at its orders.
+    pub fn at_work(&self) -> Duration {
+        let since = *self.at_work.lock().unwrap_or_else(PoisonError::into_inner);
+        since.map_or(Duration::ZERO, |since| since.elapsed())
+    }
+
+    /// Breaks off the step under way; the order that time stands still is to follow.
+    pub fn break_off(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
     /// Number of orders sent; a state with as many has seen them all.
     pub fn sent(&self) -> u64 {
         self.sent
@@ -80,8 +96,11 @@ fn run(
     mut autosave: Option<&mut Autosave>,
     inbox: &Receiver<Order>,
     outbox: &Mutex<Arc<State>>,
+    at_work: &Mutex<Option<Instant>>,
     wake: impl Fn(),
 ) {
+    let begin = || *at_work.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+    let end = || *at_work.lock().unwrap_or_else(PoisonError::into_inner) = None;
     let mut last = Instant::now();
     let mut told = Instant::now();
     let mut news = true;
@@ -98,10 +117,12 @@ fn run(
         if !waiting.is_empty() {
             (news, every) = (true, STATE_EVERY);
         }
+        begin();
         take_all(engine, &mut waiting);
         let now = Instant::now();
         let elapsed = now.duration_since(std::mem::replace(&mut last, now));
         news |= engine.advance(elapsed, || false);
+        end();
         if news && told.elapsed() >= every {
             let mut state = engine.state();
             let before = Arc::clone(&outbox.lock().unwrap_or_else(PoisonError::into_inner));
@@ -114,6 +135,10 @@ fn run(
         }
         if let Some(autosave) = autosave.as_deref_mut().filter(|autosave| autosave.wait().is_zero()) {
             autosave.put(engine.draft());
+            if let Some(why) = autosave.failure() {
+                engine.tell(format!("what is done is not saved by itself: {why}"));
+                news = true;
+            }
         }
         let idle = if news { every.saturating_sub(told.elapsed()).min(engine.idle()) } else { engine.idle() };
         let idle = autosave.as_ref().map_or(idle, |autosave| idle.min(autosave.wait()));
@@ -202,6 +227,29 @@ mod tests {
         simulation.send(Order::Apply(None, Command::Set { key: "dt".to_owned(), value: "0.01".to_owned() }));
         let state = wait(&simulation, |state| state.orders == simulation.sent());
         assert_eq!(state.lanes[0].scene.dt, 0.01);
+    }
+
+    #[test]
+    fn a_step_that_takes_long_is_broken_off_and_the_next_is_taken() {
+        // It would take some hours.
+        let mut simulation =
+            start("(simulator: (id: \"xpbd\", params: {\"substeps\": 100000, \"iterations\": 100000}))");
+        simulation.send(Order::Step(8));
+        let start = Instant::now();
+        while simulation.at_work() < Duration::from_millis(100) {
+            assert!(start.elapsed() < Duration::from_secs(20), "it does not begin");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        simulation.break_off();
+        simulation.send(Order::Run(false));
+        let state = wait(&simulation, |state| state.orders == simulation.sent());
+        assert_eq!((state.lanes[0].steps, state.running), (0, false));
+        assert!(state.news.as_ref().is_some_and(|(_, told)| told.contains("broken off")), "{:?}", state.news);
+        let method =
+            Command::Set { key: "simulator.id".to_owned(), value: "\"symplectic_euler\"".to_owned() };
+        simulation.send(Order::Apply(None, method));
+        simulation.send(Order::Step(8));
+        wait(&simulation, |state| state.lanes[0].steps == 8);
     }
 
     #[test]

@@ -347,7 +347,7 @@ impl Workbench {
             Action::SelectNone => session.selection.clear(),
             Action::SelectPinned => session.selection = session.pinned().into_iter().collect(),
             Action::Pin => session.pin_selection(),
-            Action::Run => session.run(!session.running()),
+            Action::Run => session.run(!session.running() && !session.is_stuck()),
             Action::Step => session.order(Order::Step(1)),
             Action::Reset => session.reset(),
             Action::Slower => panels::change_speed(session, false),

@@ -176,8 +176,14 @@ impl Common {
     fn world(&self, opened: &Opened) -> Result<World, Refusal> {
         let mut world =
             World::new(opened.scene.clone(), opened.place.clone()).map_err(|e| e.at(&opened.title))?;
-        world.set_threads(self.threads() as usize)?;
+        self.prepare(&mut world)?;
         Ok(world)
+    }
+
+    /// Threads for a world, and Ctrl-C.
+    fn prepare(&self, world: &mut World) -> Result<(), Refusal> {
+        world.heed(Some(run::interrupt()));
+        world.set_threads(self.threads() as usize)
     }
 
     /// Prints for people, unless told to be quiet or to speak JSON.

@@ -74,7 +74,7 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
 
 fn start(recording: &Recording, place: &Place, common: &Common, name: &str) -> Result<World, Refusal> {
     let mut world = recording.start(place.clone()).map_err(|e| e.at(name))?;
-    world.set_threads(common.threads() as usize)?;
+    common.prepare(&mut world)?;
     Ok(world)
 }
 

@@ -11,6 +11,7 @@ use serde::Serialize;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::Instant;
 
 #[derive(Args)]
@@ -63,8 +64,8 @@ pub fn seconds(text: &str) -> Result<f64, String> {
     if value >= 0.0 && value.is_finite() { Ok(value) } else { Err("accepted: seconds, 0 or more".to_owned()) }
 }
 
-/// Set by Ctrl-C: long work stops at the next step and gives what it has.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Set by Ctrl-C: long work stops and gives what it has, to the last whole step.
+static INTERRUPTED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
 /// Lets Ctrl-C stop long work.
 pub fn catch_interrupt() {
@@ -75,9 +76,17 @@ pub fn catch_interrupt() {
 pub fn on_interrupt(act: impl Fn() + Send + 'static) {
     // Only the first handler of a process can be set; any later call finds the same one.
     let _ = ctrlc::set_handler(move || {
-        INTERRUPTED.store(true, Ordering::Relaxed);
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            // Asked twice: nobody waits for what there is. Files are whole or not there.
+            std::process::exit(130);
+        }
         act();
     });
+}
+
+/// What Ctrl-C sets, for a world to heed.
+pub fn interrupt() -> Arc<AtomicBool> {
+    Arc::clone(&INTERRUPTED)
 }
 
 /// Whether Ctrl-C was pressed.
@@ -180,9 +189,9 @@ pub fn advance(
     let bar = progress(common, steps);
     let mut shown = Instant::now();
     let mut goes_on = between(world)?;
-    while goes_on && world.steps() < steps && !INTERRUPTED.load(Ordering::Relaxed) {
+    while goes_on && world.steps() < steps && !interrupted() {
         world.step();
-        if world.health().is_diverged() {
+        if world.health().is_diverged() || interrupted() {
             break;
         }
         goes_on = between(world)?;

@@ -8,8 +8,8 @@ use super::wind::Wind;
 use crate::math::{Real, Vector};
 use crate::model::{Incidence, Numbering, Particles, Springs, Topology};
 use glam::DVec3;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Revisions are numbered through the whole program; 0 is nobody's.
 fn next_revision() -> u64 {
@@ -71,6 +71,8 @@ pub struct Problem<T: Real> {
     pub pulls: Vec<Pull<T>>,
     /// Threads of the current pool that forces may be shared among.
     pub threads: usize,
+    /// Set by whoever does not want to wait for the step under way; see [`Problem::is_stopped`].
+    pub stop: Option<Arc<AtomicBool>>,
     /// Made when first needed, as everything that is derived from the springs.
     incidence: OnceLock<Incidence>,
     slices: OnceLock<Slices<T>>,
@@ -105,6 +107,7 @@ impl<T: Real> Problem<T> {
             wind: None,
             pulls: Vec::new(),
             threads: 1,
+            stop: None,
             incidence: OnceLock::new(),
             slices: OnceLock::new(),
             windows: Mutex::default(),
@@ -219,6 +222,12 @@ impl<T: Real> Problem<T> {
         let mut windows = self.windows.lock().unwrap_or_else(PoisonError::into_inner);
         let threads = if self.parallel() { self.threads } else { 1 };
         slices.forces(&self.springs, self.spring_damping, state, &mut windows, force, threads, outside);
+    }
+
+    /// Whether the step under way is to be broken off, wherever it is: whoever asked for it will not use what it leaves. A
+    /// method looks between iterations of which there can be many.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// Whether several threads are at hand and the cloth is large enough to share among them.

@@ -55,8 +55,8 @@ impl Pending {
     ///
     /// # Errors
     /// The file cannot be written; then there is none.
-    pub fn finish(mut self, content: &[u8]) -> Result<(), Refusal> {
-        self.file.write_all(content).map_err(|e| self.failed(e))?;
+    pub fn finish(self, content: &[u8]) -> Result<(), Refusal> {
+        self.file().write_all(content).map_err(|e| self.failed(e))?;
         self.keep()
     }
 

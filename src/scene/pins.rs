@@ -47,6 +47,11 @@ impl Pins {
         self.0.is_none()
     }
 
+    /// Memory that the list takes, bytes.
+    pub(crate) fn size(&self) -> usize {
+        self.0.as_deref().map_or(0, size_of_val)
+    }
+
     /// The selections, those of the target where they are left out.
     pub fn list(&self, target: &Target) -> Vec<Pin> {
         match (&self.0, target) {

@@ -18,15 +18,17 @@ pub(super) struct ConjugateGradients<T: Real> {
 }
 
 /// When a solve may end. Residuals are parts of the right-hand side, in the norm of the preconditioner.
-pub(super) struct Enough<F> {
+pub(super) struct Enough<F, S> {
     /// With this residual,
     pub residual: f64,
     /// after so many iterations,
     pub iterations: u32,
     /// or with this residual already,
     pub loose: f64,
-    /// where the solution so far is far off anyway.
+    /// where the solution so far is far off anyway;
     pub far_off: F,
+    /// or where nobody waits for it any more.
+    pub stopped: S,
 }
 
 /// What a solve took, and what it left.
@@ -46,7 +48,7 @@ impl<T: Real> ConjugateGradients<T> {
         &mut self,
         right: &[T::Vec3],
         x: &mut Vec<T::Vec3>,
-        enough: &Enough<impl Fn(&[T::Vec3]) -> bool>,
+        enough: &Enough<impl Fn(&[T::Vec3]) -> bool, impl Fn() -> bool>,
         multiply: impl Fn(&[T::Vec3], &mut [T::Vec3]),
     ) -> Solved {
         let Self { preconditioner, residual, direction, image } = self;
@@ -63,7 +65,7 @@ impl<T: Real> ConjugateGradients<T> {
         let (mut iterations, mut loosely) = (0, false);
         let [tight, loose] = [enough.residual, enough.loose].map(|part| part * part * start);
         // Also ends where nothing is to be done, and where numbers are no longer finite.
-        while size > tight && size.is_finite() && iterations < enough.iterations {
+        while size > tight && size.is_finite() && iterations < enough.iterations && !(enough.stopped)() {
             if size <= loose && (enough.far_off)(x) {
                 loosely = true;
                 break;

@@ -59,7 +59,8 @@ pub trait Simulator: Params + Send + Sync + 'static {
     type Scratch<T: Real>: Default + Send;
 
     /// Advances positions (m) and velocities (m/s) by `dt` (s, above 0) from `state.time`, which the caller advances.
-    /// A particle of inverse mass 0 keeps its velocity and moves by dt v. Work is counted in `cost`.
+    /// A particle of inverse mass 0 keeps its velocity and moves by dt v. Work is counted in `cost`. Where
+    /// [`Problem::is_stopped`] it may return at once: the caller then goes back to the state before.
     fn step<T: Real>(
         &self,
         problem: &Problem<T>,

@@ -97,6 +97,9 @@ impl<T: Real> Newton<T> {
         let (mut left, mut worst) = (f64::INFINITY, 0);
         let (mut loose, mut size) = (LOOSE, dot::<T>(&self.residual, &self.residual));
         for _ in 0..accuracy.newton_steps {
+            if problem.is_stopped() {
+                return false;
+            }
             self.assemble(problem, state, h);
             let Self { gradients, residual, change, springs, own, inertia, .. } = self;
             let multiply =
@@ -110,6 +113,7 @@ impl<T: Real> Newton<T> {
                 iterations: accuracy.iterations,
                 loose: if single { 0.0 } else { loose },
                 far_off: |change: &[T::Vec3]| correction(change).1 > 1.0,
+                stopped: || problem.is_stopped(),
             };
             let solved = gradients.solve(residual, change, &enough, multiply);
             cost.solver_iterations += u64::from(solved.iterations);

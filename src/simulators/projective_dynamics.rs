@@ -182,6 +182,9 @@ impl Simulator for ProjectiveDynamics {
         place(state);
         chebyshev.begin(self.acceleration, &state.velocities);
         for _ in 0..self.iterations {
+            if problem.is_stopped() {
+                return;
+            }
             inertia.residual(problem, state, dt, residual, cost);
             for (i, r) in residual.iter().enumerate() {
                 let r = r.to_f64().to_array();

@@ -131,6 +131,9 @@ impl Simulator for Rk45 {
         }
         let (mut steps, mut forced, mut worst) = (0, false, 0);
         while now < end {
+            if problem.is_stopped() {
+                return;
+            }
             steps += 1;
             forced |= steps > self.most_steps;
             let left = end - now;

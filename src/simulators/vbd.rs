@@ -113,6 +113,9 @@ impl Simulator for Vbd {
         warm_start(&scratch.inertia, state, dt);
         scratch.chebyshev.begin(self.acceleration, &state.positions);
         for _ in 0..self.iterations {
+            if problem.is_stopped() {
+                return;
+            }
             sweep(problem, &mut state.positions, dt, scratch);
             scratch.chebyshev.accelerate(self.acceleration, &mut state.positions);
         }

@@ -118,6 +118,9 @@ impl Simulator for Verlet {
             Correction::MassWeighted => sweep.enter(&state.positions, free.copied()),
         }
         for _ in 0..self.sweeps {
+            if problem.is_stopped() {
+                return;
+            }
             sweep.relax(problem.parallel());
             cost.spring_visits += problem.springs.len() as u64;
         }

@@ -73,6 +73,9 @@ impl Simulator for Xpbd {
         let beginning = state.time;
         let substep = dt.to_f64() / f64::from(self.substeps);
         for n in 0..self.substeps {
+            if problem.is_stopped() {
+                return;
+            }
             state.time = beginning + f64::from(n) * substep;
             self.substep(problem, state, T::from_f64(substep), scratch, cost);
         }
@@ -110,6 +113,9 @@ impl Xpbd {
         sweep.enter(&state.positions, inertia.inverse.iter().copied());
         sweep.begin(start, &compliance);
         for _ in 0..self.iterations {
+            if problem.is_stopped() {
+                return;
+            }
             sweep.comply(&compliance, problem.parallel());
         }
         sweep.leave(&mut state.positions);

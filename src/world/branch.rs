@@ -49,6 +49,7 @@ impl Snapshot {
             log: super::Log::default(),
             checkpoint: None,
             threads: None,
+            stop: None,
         };
         world.prepare();
         world.open_ledger();

@@ -11,6 +11,7 @@ mod measure;
 mod packed;
 mod recording;
 mod script;
+mod stopping;
 mod stored;
 mod telling;
 
@@ -35,6 +36,7 @@ use health::{Jitter, Ledger};
 use log::Log;
 use std::collections::HashSet;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// A cloth in the precision of its scene.
 enum AnyCloth {
@@ -80,14 +82,13 @@ pub struct World {
     jitter: Jitter,
     health: Health,
     log: Log,
-    /// A state at most [`CHECKPOINT`] steps old from which the last good state is stepped again; none after a command.
+    /// A state not far back from which the last good state is stepped again; none after a command.
     checkpoint: Option<Box<Snapshot>>,
     /// Several threads to step on; none where one does.
     threads: Option<Arc<rayon::ThreadPool>>,
+    /// See [`World::heed`].
+    stop: Option<Arc<AtomicBool>>,
 }
-
-/// Steps between checkpoints: copying the state so seldom costs next to nothing, and so few steps are soon repeated.
-const CHECKPOINT: u64 = 64;
 
 /// Everything that a world's future depends on. Restoring it and stepping on gives the same bits.
 #[derive(Clone)]
@@ -166,6 +167,7 @@ impl World {
             log: Log::default(),
             checkpoint: None,
             threads: None,
+            stop: None,
         }
     }
 
@@ -387,6 +389,7 @@ impl World {
         let threads = self.threads.as_ref().map_or(1, |pool| pool.current_num_threads());
         on!(&mut self.cloth, c => {
             c.problem.threads = threads;
+            c.problem.stop.clone_from(&self.stop);
             let pinned = (0..).zip(&self.pinned).filter(|(_, pinned)| **pinned).map(|(particle, _)| particle);
             let held = self.hands.iter().filter(|hand| hand.holds()).map(|hand| hand.particle);
             c.set_fixed(pinned.chain(held));
@@ -402,14 +405,18 @@ impl World {
     /// Takes one step. A state that diverges is taken back to the last good one, named in [`health`](Self::health), and
     /// further steps do nothing until a command changes something. At dt = 0 nothing moves.
     pub fn step(&mut self) {
-        if self.health.is_diverged() {
+        if self.health.is_diverged() || self.is_stopped() {
             return;
         }
-        if self.checkpoint.as_ref().is_none_or(|c| self.step - c.step >= CHECKPOINT) {
+        if self.checkpoint.as_ref().is_none_or(|c| self.is_far_from(c)) {
             self.checkpoint = Some(Box::new(self.snapshot()));
         }
         let (dt, unsolved) = (self.scene.dt, self.cost.unsolved_steps);
         self.advance();
+        if self.is_stopped() {
+            self.return_to(self.step - 1);
+            return;
+        }
         if dt > 0.0 {
             let blamed = on!(&self.cloth, c => self.ledger.step(c, dt));
             if let Some(particle) = blamed {
@@ -432,11 +439,14 @@ impl World {
     /// Goes back to the checkpoint and steps up to `step` again, which gives the same states.
     fn return_to(&mut self, step: u64) {
         let Some(checkpoint) = self.checkpoint.take() else { return };
+        // Nothing stops the way back.
+        let stop = self.stop.take();
         self.put_back(&checkpoint);
         while self.step < step {
             self.advance();
             on!(&self.cloth, c => self.ledger.step(c, self.scene.dt));
         }
+        self.heed(stop);
         self.checkpoint = Some(checkpoint);
     }
 

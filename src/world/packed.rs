@@ -63,7 +63,11 @@ impl Packed {
             AnyState::Single(s) => s.broken.len(),
             AnyState::Double(s) => s.broken.len(),
         };
-        size_of::<Self>() + self.bytes.len() + torn * size_of::<u32>() + size_of_val(&self.rest.hands[..])
+        size_of::<Self>()
+            + self.bytes.len()
+            + torn * size_of::<u32>()
+            + size_of_val(&self.rest.hands[..])
+            + self.rest.scene.pins.size()
     }
 
     /// The commands that were logged until then, but for the first `count`.
@@ -79,7 +83,8 @@ impl Snapshot {
             AnyState::Single(s) => counts(s),
             AnyState::Double(s) => counts(s),
         };
-        size_of::<Self>() + 3 * width(&self.state) * (2 * particles + vectors) + self.pinned.len()
+        let numbers = 3 * width(&self.state) * (2 * particles + vectors);
+        size_of::<Self>() + numbers + self.pinned.len() + self.scene.pins.size()
     }
 
     /// The same without what is pressed.

@@ -1,4 +1,4 @@
-//! Counts the memory that work holds at most, and how often it asks for some.
+//! Counts the memory that work holds at most, how often it asks for some, and what the process holds.
 //!
 //! Counting what is allocated takes an allocator of our own, and that takes `unsafe`: it hands every call on to the
 //! system's.
@@ -7,6 +7,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::atomic::{AtomicIsize, Ordering};
 
 thread_local! {
     /// Bytes that this thread holds, and the most that it has held since the mark.
@@ -15,6 +16,9 @@ thread_local! {
     static REQUESTS: Cell<usize> = const { Cell::new(0) };
 }
 
+/// Bytes that all threads hold.
+static ALL: AtomicIsize = AtomicIsize::new(0);
+
 struct Counting;
 
 impl Counting {
@@ -22,6 +26,7 @@ impl Counting {
         if bytes > 0 {
             let _ = REQUESTS.try_with(|requests| requests.set(requests.get() + 1));
         }
+        ALL.fetch_add(bytes, Ordering::Relaxed);
         // While a thread ends, its counter is gone and nobody asks.
         let _ = HELD.try_with(|held| {
             let (now, most) = held.get();
@@ -68,6 +73,23 @@ pub fn measured<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let result = work();
     let most = HELD.with(|held| held.get().1) - before;
     (result, most.unsigned_abs())
+}
+
+/// Bytes that the whole process holds of this allocator's: what libraries in C hold is not among them.
+pub fn held() -> usize {
+    ALL.load(Ordering::Relaxed).unsigned_abs()
+}
+
+/// Gives back to the system what allocators keep free for later: what is still resident then is in use.
+pub fn trim() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        // SAFETY: glibc's, and it may be called at any time.
+        unsafe extern "C" {
+            safe fn malloc_trim(pad: usize) -> std::ffi::c_int;
+        }
+        malloc_trim(0);
+    }
 }
 
 /// Does some work, and tells how often it asked for memory.

@@ -73,15 +73,11 @@ impl Visitor for Knobs {
         self.add(info, values.iter().map(|v| format!("{v:?}")).collect());
     }
     fn count(&mut self, info: &'static Info, _: &mut u32, default: u32) {
-        // Whoever asks for a million particles or sweeps gets them, and waits: here nobody does.
-        let most = match info.name {
-            "columns" | "rows" => 30.0,
-            "most_steps" => 20.0,
-            _ => 10.0,
-        };
+        // Sweeps without end can be broken off. A million particles are made, whatever it takes: here nobody asks for them.
+        let most = if matches!(info.name, "columns" | "rows") { 30.0 } else { 10.0 };
         let mut values = Self::numbers(info, default.into());
-        values.retain(|v| *v <= most);
-        values.push(most);
+        values.retain(|v| *v <= most || !matches!(info.name, "columns" | "rows"));
+        values.extend([most; 4]);
         self.add(info, values.iter().map(|v| format!("{v:.0}")).collect());
     }
     fn switch(&mut self, info: &'static Info, _: &mut bool, _: bool) {

@@ -1,4 +1,4 @@
-//! A user who tries everything: parameters at their extremes, drags, pins, methods, scenes, undo, windows of any size, lost
+//! A user who tries everything: parameters at their extremes, drags, pins, methods, scenes, undo, the past, windows of any size, lost
 //! devices, all drawn from one seed and driven through the panels and the commands behind them. Nothing may panic, every burst
 //! must be told and be left again, and what is shown stays finite.
 //!
@@ -10,16 +10,21 @@
 mod knobs;
 #[path = "../machine/mod.rs"]
 mod machine;
+#[path = "../memory/mod.rs"]
+mod memory;
 
 use egui::{Event, Modifiers, PointerButton, Role};
 use egui_kittest::{Harness, kittest::Queryable};
 use glam::DVec3;
 use knobs::{Chance, Knobs, spoken};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tenter::app::{
     camera::Side,
     engine::{Engine, LaneSetup, Order, Origin},
+    files::Files,
     gpu::{Attachments, Gpu, PICTURE_FORMAT, Picture},
     panels::Action,
     session::{Link, Session},
@@ -32,6 +37,8 @@ use tenter::simulators;
 /// What the short walk does, acts, and a lap: after each the first scene is opened again, so that laps compare.
 const ACTS: u32 = 300;
 const LAP: u32 = 150;
+/// How long this user waits for a step.
+const PATIENCE: Duration = Duration::from_secs(2);
 /// The window, points.
 const SIZE: egui::Vec2 = egui::vec2(1280.0, 800.0);
 /// A picture, pixels.
@@ -43,9 +50,14 @@ struct Soak {
     gpu: Gpu,
     chance: Chance,
     folder: tempfile::TempDir,
-    /// Bursts that were told and left, and devices that were lost.
+    /// Breaks off the step under way.
+    stop: Arc<AtomicBool>,
+    /// Since when an act lasts.
+    since: Arc<Mutex<Option<Instant>>>,
+    /// Bursts that were told and left, devices that were lost, and steps that were broken off.
     bursts: u32,
     losses: u32,
+    broken_off: u32,
 }
 
 impl Soak {
@@ -58,7 +70,7 @@ impl Soak {
             origin: Origin::Start,
         };
         let mut engine = Engine::new(vec![setup.clone()]).unwrap();
-        let state = engine.state();
+        let (state, stop) = (engine.state(), engine.stop());
         let session = Session::new(Link::Here(Box::new(engine)), state, vec![setup]);
         let window = Harness::builder()
             .with_size(SIZE)
@@ -73,7 +85,10 @@ impl Soak {
         ] {
             std::fs::write(folder.path().join(name), text).unwrap();
         }
-        let mut soak = Self { window, gpu, chance: Chance(seed), folder, bursts: 0, losses: 0 };
+        let (chance, since) = (Chance(seed), Arc::default());
+        let [bursts, losses, broken_off] = [0; 3];
+        let mut soak = Self { window, gpu, chance, folder, stop, since, bursts, losses, broken_off };
+        soak.watch();
         soak.attach();
         soak.frames(2);
         soak
@@ -83,6 +98,37 @@ impl Soak {
         let egui = self.window.ctx.clone();
         let stage = Stage { gpu: &self.gpu, format: PICTURE_FORMAT, samples: 1, egui: &egui };
         self.window.state_mut().attach(&stage);
+    }
+
+    /// A thread that breaks off the steps of an act that lasts too long.
+    fn watch(&self) {
+        let (stop, since) = (Arc::clone(&self.stop), Arc::downgrade(&self.since));
+        std::thread::spawn(move || {
+            while let Some(since) = since.upgrade() {
+                // Under the lock, so that no act is stopped that has begun meanwhile.
+                let since = since.lock().unwrap();
+                if since.is_some_and(|since| since.elapsed() > PATIENCE) {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                drop(since);
+                std::thread::sleep(PATIENCE / 20);
+            }
+        });
+    }
+
+    /// Does something with that thread at its side. A step that was broken off is told, and the cloth stands still.
+    fn impatiently<T>(&mut self, act: impl FnOnce(&mut Self) -> T) -> T {
+        *self.since.lock().unwrap() = Some(Instant::now());
+        let done = act(self);
+        *self.since.lock().unwrap() = None;
+        if self.stop.load(Ordering::Relaxed) {
+            self.broken_off += 1;
+            self.session().run(false);
+            self.frames(1);
+            let told = self.session().message.clone();
+            assert!(told.as_ref().is_some_and(|told| told.contains("broken off")), "{told:?}");
+        }
+        done
     }
 
     fn frames(&mut self, count: usize) {
@@ -102,9 +148,11 @@ impl Soak {
             55..60 => self.pin(),
             60..66 => self.choose_a_method(),
             66..69 => self.open(),
-            69..75 => self.take_back(),
+            69..73 => self.take_back(),
+            73..75 => self.look_back(),
             75..79 => self.change_lanes(),
-            79..85 => self.press(),
+            79..80 => self.save(),
+            80..85 => self.press(),
             85..92 => self.point(),
             92..95 => self.resize(),
             95..99 => self.draw(),
@@ -182,16 +230,7 @@ impl Soak {
         let before = self.session().scene().simulator.id.clone();
         self.session().set(None, "simulator.id", method, &before);
         self.session().end_edit();
-        self.hurry(None, method);
         format!("method {method}")
-    }
-
-    /// A method that chooses its own steps may need thousands for one: here nobody waits for them.
-    fn hurry(&mut self, lane: Option<usize>, method: &str) {
-        if simulators::find(method).unwrap().params.contains(&"most_steps") {
-            self.session().set(lane, "simulator.params.most_steps", "20", "1000");
-            self.session().end_edit();
-        }
     }
 
     fn open(&mut self) -> String {
@@ -223,12 +262,39 @@ impl Soak {
         if back { "undo".to_owned() } else { "redo".to_owned() }
     }
 
+    /// A moment of the past, or all of it once more.
+    fn look_back(&mut self) -> String {
+        let part = self.chance.part();
+        let again = self.chance.below(4) == 0;
+        let session = self.session();
+        if again {
+            session.play_again();
+            return "play again".to_owned();
+        }
+        let remembered = session.state().timeline;
+        let to = remembered.from + part * (remembered.to - remembered.from);
+        session.scrub(to);
+        format!("look back to {to} s")
+    }
+
+    /// What is saved may be opened later.
+    fn save(&mut self) -> String {
+        let folder = self.folder.path().to_owned();
+        let Workbench { session, files, .. } = self.window.state_mut();
+        if self.chance.below(2) == 0 {
+            files.save(session, &folder.join("saved.ron"), None);
+            "save".to_owned()
+        } else {
+            Files::record(session, &folder.join("recording.ron"));
+            "save a recording".to_owned()
+        }
+    }
+
     fn change_lanes(&mut self) -> String {
         let lanes = self.session().scenes().len();
         if lanes < 3 && self.chance.below(2) == 0 {
             let method = self.chance.one(simulators::ALL).id;
             self.session().add_lane(Some(method));
-            self.hurry(Some(lanes), method);
             format!("add a lane of {method}")
         } else {
             let lane = self.chance.below(lanes);
@@ -380,8 +446,9 @@ impl Soak {
     }
 }
 
-/// Memory of this process, kB.
+/// Memory of this process, kB, but for what glibc keeps free for later: that grows for long while what is in use does not.
 fn resident() -> f64 {
+    memory::trim();
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     line.and_then(|line| line.trim().trim_end_matches(" kB").trim().parse().ok()).unwrap_or(0.0)
@@ -410,18 +477,19 @@ fn nothing_that_a_user_does_breaks_it() {
             break;
         }
         print!("{number}: ");
-        let act = soak.act();
-        println!("{act}");
-        soak.check();
+        soak.impatiently(|soak| {
+            println!("{}", soak.act());
+            soak.check();
+        });
         if number % LAP == 0 {
             soak.open_named("sheet");
             soak.frames(3);
-            laps.push(resident());
-            let (bursts, losses) = (soak.bursts, soak.losses);
+            let (seconds, resident, own) = (start.elapsed().as_secs_f64(), resident(), memory::held() / 1000);
+            laps.push(resident);
+            let Soak { bursts, losses, broken_off, .. } = soak;
             println!(
-                "{:.0} s, {number} acts, {bursts} bursts left, {losses} devices lost, {:.0} kB",
-                start.elapsed().as_secs_f64(),
-                resident()
+                "{seconds:.0} s, {number} acts, {bursts} bursts left, {losses} devices lost, {broken_off} steps broken off, \
+                 {resident:.0} kB resident, {own} kB of them our own"
             );
         }
     }

@@ -105,6 +105,31 @@ fn a_thread_writes_and_takes_away_at_the_end() {
 }
 
 #[test]
+fn what_cannot_be_written_is_told_once_and_tried_again() {
+    let above = tempfile::tempdir().expect("a folder");
+    let folder = above.path().join("autosave");
+    let mut autosave = Autosave::start(&folder).expect("starts");
+    let written = autosave.written();
+    std::fs::remove_dir_all(&folder).expect("removed");
+    let mut engine = worked();
+    autosave.put(engine.draft());
+    let mut told = None;
+    let start = Instant::now();
+    while told.is_none() && start.elapsed() < Duration::from_secs(20) {
+        told = autosave.failure();
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(told.is_some_and(|why| why.contains("cannot be written") && !why.contains('\n')));
+    engine.take(Order::Step(1));
+    autosave.put(engine.draft());
+    std::thread::sleep(Duration::from_millis(100));
+    assert_eq!((autosave.failure(), written.count()), (None, 0), "it is told only once");
+    std::fs::create_dir(&folder).expect("a folder");
+    // Nothing is done any more: it writes what it has.
+    wait(|| written.count() == 1);
+}
+
+#[test]
 fn sessions_keep_out_of_each_others_way() {
     let folder = tempfile::tempdir().expect("a folder");
     let [first, second] = [(); 2].map(|()| Slot::take(folder.path()).expect("a slot"));

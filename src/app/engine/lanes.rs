@@ -8,10 +8,16 @@ impl Engine {
     pub(super) fn build(&self, setups: Vec<LaneSetup>) -> Result<Vec<Lane>, Refusal> {
         let open = |setup: LaneSetup| {
             let title = setup.title.clone();
-            Lane::open(setup, self.threads).map_err(|refusal| refusal.at(title))
+            let lane = Lane::open(setup, self.threads);
+            lane.map(|lane| self.stoppable(lane)).map_err(|refusal| refusal.at(title))
         };
         let lanes = setups.into_iter().map(open).collect::<Result<Vec<_>, _>>()?;
         if lanes.is_empty() { Err(Refusal::new("there is no scene to open")) } else { Ok(lanes) }
+    }
+
+    fn stoppable(&self, mut lane: Lane) -> Lane {
+        lane.world.heed(Some(self.stop()));
+        lane
     }
 
     pub(super) fn add_lane(
@@ -29,7 +35,7 @@ impl Engine {
             self.timeline.clear();
             self.has_jumped();
         } else if let Some(lane) = self.lanes.get(from) {
-            let lane = lane.branch(title, settings.to_vec(), self.threads)?;
+            let lane = self.stoppable(lane.branch(title, settings.to_vec(), self.threads)?);
             self.keep();
             self.lanes.insert(at, lane);
             self.timeline.add_lane(from, at, settings);

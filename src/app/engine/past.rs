@@ -73,11 +73,14 @@ impl Engine {
             if !(beat > 0.0 && at + beat <= to + 1e-6 * beat) {
                 return at;
             }
+            for (lane, log) in self.lanes.iter_mut().zip(&mut *logs) {
+                lane.repeat_to(self.time + beat, log);
+            }
+            if self.is_stopped() {
+                return at;
+            }
             at += beat;
             self.time += beat;
-            for (lane, log) in self.lanes.iter_mut().zip(&mut *logs) {
-                lane.repeat_to(self.time, log);
-            }
         }
     }
 
@@ -139,7 +142,8 @@ impl Engine {
         Some([play.time(&lane.world), play.script().seconds()])
     }
 
-    fn tell(&mut self, what: String) {
+    /// Tells the user of something.
+    pub(in crate::app) fn tell(&mut self, what: String) {
         let number = self.news.as_ref().map_or(0, |(number, _)| *number) + 1;
         self.news = Some((number, what));
     }

@@ -39,7 +39,14 @@ pub fn status_ui(ui: &mut Ui, session: &Session, busy: Option<&str>, device: &st
                 .on_hover_text("Uploaded to it for the last picture");
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                 let opening = busy.or(session.opening());
-                if let Some(name) = opening {
+                if !session.at_work().is_zero() {
+                    // While a step lasts nothing else asks for a picture.
+                    ui.ctx().request_repaint_after(std::time::Duration::from_millis(500));
+                }
+                if session.is_stuck() {
+                    ui.spinner();
+                    ui.add(egui::Label::new("a step takes long; Space breaks it off").truncate());
+                } else if let Some(name) = opening {
                     ui.spinner();
                     ui.add(egui::Label::new(format!("opening {name}")).truncate());
                 } else if let Some(message) = &session.message {
