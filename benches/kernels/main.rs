@@ -1,20 +1,21 @@
 //! Nanoseconds per spring visit of every method beside the machine's bounds and hand-written kernels, all in one run.
 //!
 //! `cargo bench --no-default-features --bench kernels`: explicit steps in every size, order of numbering, precision and
-//! number of threads. `-- sweeps`: relaxation and XPBD; `-- methods`: every method in both precisions; `-- around`: building,
-//! measuring, and the limit of stability; with `large`, 1000²
-//! particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits all of
+//! number of threads. `-- sweeps`: relaxation and XPBD; `-- methods`: every method in both precisions; `-- around`: what watching
+//! and tearing add to a step, building, measuring, and the limit of stability; with `large`, 1000² particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits all of
 //! them alike.
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod reference;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use reference::Reference;
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
+use tenter::forces::{Cost, Problem, SpringSet};
+use tenter::model::{Particles, Topology};
 use tenter::scene::{GridTarget, Pin, Pins, Place, Precision, Scene, Target};
-use tenter::simulators::{self, SimulatorSettings};
+use tenter::simulators::{self, Build, SimulatorSettings};
 use tenter::target::grid;
 use tenter::world::{Command, World};
 
@@ -206,48 +207,114 @@ fn methods(sides: &[u32]) {
     }
 }
 
+/// A sheet crumpled and stepped by the method alone: no world that watches, tears and logs.
+fn bare(side: u32, simulator: &str) -> Box<dyn FnMut() -> u64> {
+    let mesh = grid(side, side, 1.0, false);
+    let scene = scene(side, simulator, Precision::Single);
+    let rest: Vec<Vec3> = mesh.positions.iter().map(|p| p.as_vec3()).collect();
+    let topology = Topology::of(&mesh);
+    let set = SpringSet { topology: &topology, rest_positions: &rest, params: &scene.springs, broken: &[] };
+    let mut problem = Problem::new(vec![1.0_f32; rest.len()], &set);
+    problem.gravity = scene.gravity.acceleration();
+    problem.air_damping = scene.air_damping as f32;
+    (problem.inverse_mass[0], problem.inverse_mass[side as usize - 1]) = (0.0, 0.0);
+    let mut state = Particles::at_rest(mesh.positions.iter().map(|p| (*p + crumple(*p)).as_vec3()).collect());
+    let mut stepper = f32::build(&scene.simulator).expect("a method");
+    let (dt, springs) = (scene.dt as f32, problem.springs.len() as u64);
+    Box::new(move || {
+        stepper.step(&problem, &mut state, dt, &mut Cost::default());
+        springs
+    })
+}
+
+/// What a world adds to the method's own step, and what tearing adds to that.
+fn overheads(sides: &[u32]) {
+    println!("symplectic Euler, Single, one thread, ns per spring visit");
+    println!(
+        "         the method alone | world: all that watches, over the method | tearing on at 3 rest lengths, over the world"
+    );
+    for &side in sides {
+        let of = |tearing: bool| {
+            let mut scene = scene(side, "symplectic_euler", Precision::Single);
+            scene.tearing.enabled = tearing;
+            step(crumpled(&World::new(scene, Place::default()).expect("a sheet"), 1))
+        };
+        let mut candidates: Vec<Candidate> = vec![
+            ("alone".into(), bare(side, "symplectic_euler")),
+            ("world".into(), of(false)),
+            ("tearing".into(), of(true)),
+        ];
+        let best = race(&mut candidates, 2.0);
+        let [alone, world, tearing] = best[..] else { unreachable!() };
+        println!(
+            "{side:4}²    {alone:5.2}             | {world:5.2} {:+5.1} %                           | {tearing:5.2} {:+5.1} %",
+            100.0 * (world / alone - 1.0),
+            100.0 * (tearing / world - 1.0)
+        );
+    }
+}
+
 /// Ten sweeps a step, by order of the springs and by model.
 fn sweeps(sides: &[u32]) {
     println!(
-        "ten sweeps a step, one thread, ns per spring visit of a whole step; a plain list's sweep beside them"
+        "ten sweeps a step, ns per spring visit of a whole step; beside them one sweep of a plain list, and of eights by hand"
     );
     println!(
-        "          list | creation  eights     XPBD | in Double: eights  XPBD | 10 sweeps in eights, Single, ms a step"
+        "          list by-hand | creation tiles  ratio two threads   XPBD  two threads  undamped | in Double: tiles  XPBD | ms a step, tiles, one and two threads"
     );
     for &side in sides {
-        let of = |id: &str, sets: &[(&str, &str)], precision| {
+        let of = |id: &str, sets: &[(&str, &str)], precision, threads| {
             let mut scene = Scene { dt: 1.0 / 60.0, ..scene(side, id, precision) };
             for (key, value) in sets {
                 scene.set_key(key, value).expect("a setting");
             }
             // Moved a little: a sheet at rest is no measure.
             let world = World::new(scene, Place::default()).expect("a sheet");
-            step(crumpled(&world, 1))
+            step(crumpled(&world, threads))
         };
         let creation = [("simulator.params.order", "Creation")];
-        let eights = [("simulator.params.order", "Coloured")];
+        let tiles = [("simulator.params.order", "Coloured")];
         let xpbd = [("simulator.params.substeps", "1"), ("simulator.params.iterations", "10")];
-        let mut reference = Reference::new(side);
+        let undamped = [xpbd[0], xpbd[1], ("springs.damping", "0")];
+        let (mut list, mut eights) = (Reference::new(side), Reference::new(side));
         let mut candidates: Vec<Candidate> = vec![
             (
                 "list".into(),
                 Box::new(move || {
-                    reference.relax();
-                    reference.springs()
+                    list.relax();
+                    list.springs()
                 }),
             ),
-            ("creation".into(), of("verlet", &creation, Precision::Single)),
-            ("eights".into(), of("verlet", &eights, Precision::Single)),
-            ("XPBD".into(), of("xpbd", &xpbd, Precision::Single)),
-            ("eights".into(), of("verlet", &eights, Precision::Double)),
-            ("XPBD".into(), of("xpbd", &xpbd, Precision::Double)),
+            (
+                "by hand".into(),
+                Box::new(move || {
+                    eights.relax_coloured();
+                    eights.coloured_springs()
+                }),
+            ),
+            ("creation".into(), of("verlet", &creation, Precision::Single, 1)),
+            ("tiles".into(), of("verlet", &tiles, Precision::Single, 1)),
+            ("tiles, two".into(), of("verlet", &tiles, Precision::Single, 2)),
+            ("XPBD".into(), of("xpbd", &xpbd, Precision::Single, 1)),
+            ("XPBD, two".into(), of("xpbd", &xpbd, Precision::Single, 2)),
+            ("undamped".into(), of("xpbd", &undamped, Precision::Single, 1)),
+            ("tiles".into(), of("verlet", &tiles, Precision::Double, 1)),
+            ("XPBD".into(), of("xpbd", &xpbd, Precision::Double, 1)),
         ];
         let best = race(&mut candidates, 0.4);
-        let [list, creation, eights, xpbd, eights_double, xpbd_double] = best[..] else { unreachable!() };
+        let [list, hand, creation, tiles, tiles_two, xpbd, xpbd_two, undamped, tiles_double, xpbd_double] =
+            best[..]
+        else {
+            unreachable!()
+        };
         let visits = 10.0 * Reference::new(side).springs() as f64;
         println!(
-            "{side:4}²    {list:5.2} |    {creation:5.2}   {eights:5.2}    {xpbd:5.2} |            {eights_double:5.2} {xpbd_double:5.2} | {:.3}",
-            eights * visits * 1e-6
+            "{side:4}²    {list:5.2}   {hand:5.2} |    {creation:5.2} {tiles:5.2}  {:5.2} {tiles_two:5.2} ({:4.2}x) {xpbd:5.2} {xpbd_two:5.2} ({:4.2}x) {undamped:5.2} |            {tiles_double:5.2} {xpbd_double:5.2} | {:.3} {:.3}",
+            tiles / hand,
+            tiles / tiles_two,
+            xpbd / xpbd_two,
+            tiles * visits * 1e-6,
+            tiles_two * visits * 1e-6,
         );
     }
 }
@@ -315,6 +382,7 @@ fn main() {
     } else if asked("sweeps") {
         sweeps(sides);
     } else if asked("around") {
+        overheads(sides);
         around(sides);
         limits(sides);
     } else {

@@ -1,12 +1,12 @@
-//! What the library's kernels are held against: the plain list, and two kernels written by hand for a sheet that is
+//! What the library's kernels are held against: the plain list, and kernels written by hand for a sheet that is
 //! numbered along its rows, in single precision and on one thread. None of them watches, tears or draws.
 
 use std::arch::x86_64::{
     __m128, __m256, _CMP_GT_OQ, _mm_add_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_sub_ps, _mm256_add_ps,
     _mm256_and_ps, _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_cmp_ps, _mm256_div_ps,
     _mm256_extractf128_ps, _mm256_insertf128_ps, _mm256_loadu_ps, _mm256_mul_ps, _mm256_set1_ps,
-    _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_sub_ps, _mm256_unpackhi_ps,
-    _mm256_unpacklo_ps,
+    _mm256_setzero_ps, _mm256_shuffle_ps, _mm256_sqrt_ps, _mm256_storeu_ps, _mm256_sub_ps,
+    _mm256_unpackhi_ps, _mm256_unpacklo_ps,
 };
 use tenter::model::Topology;
 use tenter::target::grid;
@@ -31,9 +31,42 @@ pub struct Reference {
     /// Groups of the springs that each particle is the first of.
     ends: Vec<u32>,
     groups: Vec<Group>,
+    coloured: Vec<Eight>,
+    /// Positions with inverse masses.
+    places: Vec<[f32; 4]>,
     /// Positions and velocities by component, for the stencil.
     rows: [Vec<f32>; 6],
     sums: [Vec<f32>; 3],
+}
+
+/// Eight springs that share no particle.
+struct Eight {
+    ends: [[u32; LANES]; 2],
+    rest: [f32; LANES],
+}
+
+/// The springs of a list in eights: greedy colours inside of bands of eight rows, in the order of the bands; what does not
+/// fill an eight is left out.
+fn coloured(side: usize, list: &[([u32; 2], f32, f32)]) -> Vec<Eight> {
+    let band = |pair: &[u32; 2]| pair[0] as usize / (8 * side);
+    let mut eights = Vec::new();
+    let mut used = vec![0_u64; side * side];
+    for number in 0..side.div_ceil(8) {
+        let mut colours = vec![Vec::new(); 64];
+        for (pair, rest, _) in list.iter().filter(|(pair, ..)| band(pair) == number) {
+            let [i, j] = pair.map(|p| p as usize);
+            let colour = (!(used[i] | used[j])).trailing_zeros() as usize;
+            used[i] |= 1 << colour;
+            used[j] |= 1 << colour;
+            colours[colour].push((*pair, *rest));
+        }
+        used.fill(0);
+        for eight in colours.iter().flat_map(|colour| colour.chunks_exact(LANES)) {
+            let end = |end: usize| std::array::from_fn(|lane| eight[lane].0[end]);
+            eights.push(Eight { ends: [end(0), end(1)], rest: std::array::from_fn(|lane| eight[lane].1) });
+        }
+    }
+    eights
 }
 
 /// Eight springs of one particle; a lane without a spring leads to the particle itself.
@@ -88,7 +121,65 @@ impl Reference {
         let zeros = vec![[0.0; 4]; x.len()];
         let sums = std::array::from_fn(|_| vec![0.0; x.len()]);
         let side = side as usize;
-        Self { side, inverse_mass, v: zeros.clone(), f: zeros, x, list, ends, groups, rows, sums }
+        let places = x.iter().zip(&inverse_mass).map(|(x, w)| [x[0], x[1], x[2], *w]).collect();
+        let coloured = coloured(side, &list);
+        Self {
+            side,
+            inverse_mass,
+            v: zeros.clone(),
+            f: zeros,
+            x,
+            list,
+            ends,
+            groups,
+            coloured,
+            places,
+            rows,
+            sums,
+        }
+    }
+
+    /// One sweep of relaxation, eight springs that share no particle at once, by colours inside of bands of rows.
+    #[allow(unsafe_code)]
+    pub fn relax_coloured(&mut self) {
+        assert!(std::arch::is_x86_feature_detected!("avx2"), "the reference needs AVX2");
+        // SAFETY: the instructions are there, and every index is that of a particle.
+        unsafe { self.relax_eights() };
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[allow(unsafe_code)]
+    unsafe fn relax_eights(&mut self) {
+        for eight in &self.coloured {
+            let [i, j] = &eight.ends;
+            // SAFETY: as above.
+            let (a, b, rest) = unsafe {
+                (columns(&self.places, i), columns(&self.places, j), _mm256_loadu_ps(eight.rest.as_ptr()))
+            };
+            let d = [_mm256_sub_ps(b[0], a[0]), _mm256_sub_ps(b[1], a[1]), _mm256_sub_ps(b[2], a[2])];
+            let [xx, yy, zz] = d.map(|d| _mm256_mul_ps(d, d));
+            let length = _mm256_sqrt_ps(_mm256_add_ps(_mm256_add_ps(xx, yy), zz));
+            let w = _mm256_add_ps(a[3], b[3]);
+            let factor = _mm256_div_ps(_mm256_sub_ps(length, rest), _mm256_mul_ps(length, w));
+            let some = _mm256_cmp_ps::<_CMP_GT_OQ>(_mm256_mul_ps(length, w), _mm256_setzero_ps());
+            let factor = _mm256_and_ps(factor, some);
+            let (first, second) = (_mm256_mul_ps(factor, a[3]), _mm256_mul_ps(factor, b[3]));
+            let add = |x: __m256, d: __m256| _mm256_add_ps(x, _mm256_mul_ps(d, first));
+            let take = |x: __m256, d: __m256| _mm256_sub_ps(x, _mm256_mul_ps(d, second));
+            let a = [add(a[0], d[0]), add(a[1], d[1]), add(a[2], d[2]), a[3]];
+            let b = [take(b[0], d[0]), take(b[1], d[1]), take(b[2], d[2]), b[3]];
+            for (to, values) in [(i, transposed(a)), (j, transposed(b))] {
+                for (lane, two) in values.into_iter().enumerate() {
+                    let halves = [_mm256_castps256_ps128(two), _mm256_extractf128_ps::<1>(two)];
+                    for (half, to) in halves.into_iter().zip([to[lane], to[lane + 4]]) {
+                        // SAFETY: as above, and four numbers stand there.
+                        unsafe {
+                            _mm_storeu_ps(self.places.get_unchecked_mut(to as usize).as_mut_ptr(), half)
+                        };
+                    }
+                }
+            }
+        }
     }
 
     /// One sweep of relaxation over the list as it stands, each spring waiting for the one before it.
@@ -107,6 +198,10 @@ impl Reference {
                 }
             }
         }
+    }
+
+    pub fn coloured_springs(&self) -> u64 {
+        (self.coloured.len() * LANES) as u64
     }
 
     pub fn springs(&self) -> u64 {
@@ -193,10 +288,13 @@ impl Reference {
                     _mm256_add_ps(_mm256_mul_ps(d[2], tension), _mm256_mul_ps(u[2], damping)),
                 ];
                 let pulls = transposed([pull[0], pull[1], pull[2], _mm256_setzero_ps()]);
+                let [a, b, c, d] = pulls;
+                let all = _mm256_add_ps(_mm256_add_ps(a, b), _mm256_add_ps(c, d));
+                let all = _mm_add_ps(_mm256_castps256_ps128(all), _mm256_extractf128_ps::<1>(all));
+                own = _mm_add_ps(own, all);
                 for (lane, two) in pulls.into_iter().enumerate() {
                     let halves = [_mm256_castps256_ps128(two), _mm256_extractf128_ps::<1>(two)];
                     for (half, to) in halves.into_iter().zip([group.to[lane], group.to[lane + 4]]) {
-                        own = _mm_add_ps(own, half);
                         // SAFETY: a particle's index, and four numbers stand there.
                         unsafe {
                             let f = self.f.get_unchecked_mut(to as usize).as_mut_ptr();
@@ -259,7 +357,8 @@ impl Reference {
 }
 
 /// The springs from `count` particles in a row to as many others in a row.
-#[inline(always)]
+#[target_feature(enable = "avx2")]
+#[allow(unsafe_code)]
 fn line(
     rows: &[Vec<f32>; 6],
     sums: &mut [Vec<f32>; 3],
@@ -269,42 +368,54 @@ fn line(
     rest: f32,
     k: f32,
 ) {
-    const MOST: usize = 1024;
-    let mut pulls = [[0.0f32; MOST]; 3];
-    let [px, py, pz] = &mut pulls;
-    let own = |c: usize| &rows[c][first..][..count];
-    let other = |c: usize| &rows[c][second..][..count];
-    let (a, b) = (
-        [own(0), own(1), own(2), own(3), own(4), own(5)],
-        [other(0), other(1), other(2), other(3), other(4), other(5)],
-    );
-    let (px, py, pz) = (&mut px[..count], &mut py[..count], &mut pz[..count]);
-    for l in 0..count {
-        let (dx, dy, dz) = (b[0][l] - a[0][l], b[1][l] - a[1][l], b[2][l] - a[2][l]);
-        let length = (dx * dx + dy * dy + dz * dz).sqrt();
-        let tension = k * (length - rest) / length;
-        let tension = if length > 0.0 { tension } else { 0.0 };
-        px[l] = dx * tension + (b[3][l] - a[3][l]) * DAMPING;
-        py[l] = dy * tension + (b[4][l] - a[4][l]) * DAMPING;
-        pz[l] = dz * tension + (b[5][l] - a[5][l]) * DAMPING;
+    assert!(first.max(second) + count <= rows[0].len());
+    // SAFETY: all of them have the length of the first, and eight numbers stand where a whole eight is read.
+    let own = |c: usize, l: usize| unsafe { _mm256_loadu_ps(rows[c].as_ptr().add(first + l)) };
+    let other = |c: usize, l: usize| unsafe { _mm256_loadu_ps(rows[c].as_ptr().add(second + l)) };
+    let (k_all, rest_all, damping) = (_mm256_set1_ps(k), _mm256_set1_ps(rest), _mm256_set1_ps(DAMPING));
+    let eights = count / LANES * LANES;
+    for l in (0..eights).step_by(LANES) {
+        let d = [0, 1, 2].map(|c| _mm256_sub_ps(other(c, l), own(c, l)));
+        let [xx, yy, zz] = d.map(|d| _mm256_mul_ps(d, d));
+        let length = _mm256_sqrt_ps(_mm256_add_ps(_mm256_add_ps(xx, yy), zz));
+        let tension = _mm256_div_ps(_mm256_mul_ps(k_all, _mm256_sub_ps(length, rest_all)), length);
+        let some = _mm256_cmp_ps::<_CMP_GT_OQ>(length, _mm256_setzero_ps());
+        let tension = _mm256_and_ps(tension, some);
+        for (c, sum) in sums.iter_mut().enumerate() {
+            let u = _mm256_sub_ps(other(c + 3, l), own(c + 3, l));
+            let pull = _mm256_add_ps(_mm256_mul_ps(d[c], tension), _mm256_mul_ps(u, damping));
+            // SAFETY: as above.
+            unsafe {
+                let to = sum.as_mut_ptr().add(first + l);
+                _mm256_storeu_ps(to, _mm256_add_ps(_mm256_loadu_ps(to), pull));
+                let to = sum.as_mut_ptr().add(second + l);
+                _mm256_storeu_ps(to, _mm256_sub_ps(_mm256_loadu_ps(to), pull));
+            }
+        }
     }
-    for (sum, pull) in sums.iter_mut().zip([px, py, pz]) {
-        sum[first..][..count].iter_mut().zip(&*pull).for_each(|(f, p)| *f += *p);
-        sum[second..][..count].iter_mut().zip(&*pull).for_each(|(f, p)| *f -= *p);
+    for l in eights..count {
+        let (i, j) = (first + l, second + l);
+        let d = [0, 1, 2].map(|c| rows[c][j] - rows[c][i]);
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        let tension = if length > 0.0 { k * (length - rest) / length } else { 0.0 };
+        for (c, sum) in sums.iter_mut().enumerate() {
+            let pull = d[c] * tension + (rows[c + 3][j] - rows[c + 3][i]) * DAMPING;
+            sum[i] += pull;
+            sum[j] -= pull;
+        }
     }
 }
 
 /// The components of eight vectors.
 #[target_feature(enable = "avx2")]
 #[allow(unsafe_code)]
-unsafe fn columns(vectors: &[[f32; 4]], at: &[u32; LANES]) -> [__m256; 3] {
+unsafe fn columns(vectors: &[[f32; 4]], at: &[u32; LANES]) -> [__m256; 4] {
     // SAFETY: the caller's indices are those of particles, and four numbers stand there.
     let vector = |lane: usize| -> __m128 {
         unsafe { _mm_loadu_ps(vectors.get_unchecked(at[lane] as usize).as_ptr()) }
     };
     let two = |lane: usize| _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(vector(lane)), vector(lane + 4));
-    let [x, y, z, _] = transposed([two(0), two(1), two(2), two(3)]);
-    [x, y, z]
+    transposed([two(0), two(1), two(2), two(3)])
 }
 
 /// Two 4 x 4 matrices, each in one half, turned over.

@@ -36,6 +36,9 @@ pub trait Lanes:
     /// Square roots.
     #[must_use]
     fn sqrt(self) -> Self;
+    /// Itself where it is larger than `other`, else that.
+    #[must_use]
+    fn max(self, other: Self) -> Self;
     /// Itself where `of` is above 0, else 0.
     #[must_use]
     fn where_positive(self, of: Self) -> Self;
@@ -150,6 +153,12 @@ impl<T: Real> Lanes for Plain<T> {
     #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.map(T::sqrt))
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        let larger = |lane: usize| if self.0[lane] > other.0[lane] { self.0[lane] } else { other.0[lane] };
+        Self(std::array::from_fn(larger))
     }
 
     #[inline(always)]

@@ -4,6 +4,7 @@
 //! a particle here translates.
 
 use super::hand::{Grip, Hand};
+use super::tearing::Watch;
 use crate::forces::pull::Pull;
 use crate::forces::springs::SpringParams;
 use crate::forces::{Cost, Problem, SpringSet};
@@ -42,6 +43,7 @@ pub(super) struct Cloth<T: Real> {
     pub mean_rest: f64,
     /// The particles that can move.
     pub free: Free,
+    watch: Watch<T>,
 }
 
 /// The particles that can move.
@@ -101,6 +103,7 @@ impl<T: Build> Cloth<T> {
             rest_positions,
             mean_rest: 0.0,
             free: Free::default(),
+            watch: Watch::default(),
         };
         cloth.measure_rest();
         cloth.set_environment(scene);
@@ -199,16 +202,11 @@ impl<T: Build> Cloth<T> {
     /// Breaks every acting spring longer than `max_ratio` x its rest length, all judged on the same positions; answers
     /// with how many.
     pub fn tear(&mut self, max_ratio: f64) -> usize {
-        let max_ratio = T::from_f64(max_ratio);
-        let springs = &mut self.problem.springs;
-        let x = &self.state.positions;
-        let before = springs.len();
-        let too_long = |s: usize, springs: &crate::model::Springs<T>| {
-            let [i, j] = springs.pairs[s].map(|p| x[p as usize]);
-            (j - i).length() > springs.rest[s] * max_ratio
-        };
-        let Some(first) = (0..before).find(|s| too_long(*s, springs)) else { return 0 };
-        let torn: Vec<usize> = (first..before).filter(|s| too_long(*s, springs)).collect();
+        let torn = self.watch.torn(&self.problem, &self.state.positions, max_ratio);
+        if torn.is_empty() {
+            return 0;
+        }
+        let springs = &self.problem.springs;
         self.state.broken.extend(torn.iter().map(|s| springs.ids[*s]));
         self.state.broken.sort_unstable();
         self.problem.remove_springs(&torn);

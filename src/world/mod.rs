@@ -13,6 +13,7 @@ mod recording;
 mod script;
 mod stopping;
 mod stored;
+mod tearing;
 mod telling;
 
 pub use clock::{Clock, Tick};

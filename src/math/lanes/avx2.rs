@@ -88,6 +88,11 @@ impl Lanes for Single {
     }
 
     #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(self.0, self.0.avx._mm256_max_ps(self.1, other.1))
+    }
+
+    #[inline(always)]
     fn where_positive(self, of: Self) -> Self {
         let avx = self.0.avx;
         let positive = avx._mm256_cmp_ps::<_CMP_GT_OQ>(of.1, avx._mm256_setzero_ps());
@@ -307,6 +312,12 @@ impl Lanes for Double {
     fn sqrt(self) -> Self {
         let [a, b] = self.1;
         Self(self.0, [self.0.avx._mm256_sqrt_pd(a), self.0.avx._mm256_sqrt_pd(b)])
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.1, other.1);
+        Self(self.0, [self.0.avx._mm256_max_pd(a, c), self.0.avx._mm256_max_pd(b, d)])
     }
 
     #[inline(always)]

@@ -1,0 +1,173 @@
+//! Tearing: a spring longer than so many times its rest length breaks, for good, between two steps.
+//!
+//! All springs are judged on the same positions, so which of them break does not depend on an order. Looking at every spring
+//! in every step would cost a good part of the step: how much the spring nearest to breaking has left is remembered with
+//! the positions at which that was so, and as long as no two particles can have used it up, none is looked at.
+
+use crate::forces::Problem;
+use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::{Real, Vector};
+use crate::model::Springs;
+
+/// When springs have to be looked at again.
+#[derive(Debug)]
+pub(super) struct Watch<T: Real> {
+    /// The springs, by the problem's revision, and the ratio that they were judged by.
+    judged: (u64, f64),
+    /// Where the particles were, m.
+    positions: Vec<T::Vec3>,
+    /// How much longer any spring could at least become then without breaking, m.
+    left: f64,
+}
+
+impl<T: Real> Default for Watch<T> {
+    fn default() -> Self {
+        Self { judged: (0, 0.0), positions: Vec::new(), left: 0.0 }
+    }
+}
+
+/// More than what rounding can do to a length, a limit or a way, in units of the distance of 1 to the next number: each is
+/// some ten operations.
+const ROUNDING: f64 = 32.0;
+
+impl<T: Real> Watch<T> {
+    /// The acting springs longer than `max_ratio` x their rest length at these positions, by index, in order.
+    pub fn torn(&mut self, problem: &Problem<T>, positions: &[T::Vec3], max_ratio: f64) -> Vec<usize> {
+        let rounding = ROUNDING * T::EPSILON.to_f64();
+        if self.judged == (problem.revision(), max_ratio) {
+            let way = lanes::run(Way::<T> { from: &self.positions, to: positions }).to_f64().sqrt();
+            if 2.0 * way * (1.0 + rounding) < self.left {
+                return Vec::new();
+            }
+        }
+        let (springs, ratio) = (&problem.springs, T::from_f64(max_ratio));
+        // Rounding is allowed for on the side of looking once too often.
+        let sooner = T::from_f64(max_ratio * (1.0 - rounding));
+        let left = -lanes::run(Excess::<T> { springs, positions, ratio: sooner }).to_f64();
+        self.judged = (problem.revision(), max_ratio);
+        self.positions.clear();
+        self.positions.extend_from_slice(positions);
+        self.left = left;
+        if left > 0.0 {
+            return Vec::new();
+        }
+        let is_torn = |s: &usize| length(springs, positions, *s) > springs.rest[*s] * ratio;
+        (0..springs.len()).filter(is_torn).collect()
+    }
+}
+
+fn length<T: Real>(springs: &Springs<T>, positions: &[T::Vec3], spring: usize) -> T {
+    let [i, j] = springs.pairs[spring].map(|p| positions[p as usize]);
+    (j - i).length()
+}
+
+fn larger<T: Real>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
+
+fn largest<T: Real, L: Lanes<Scalar = T>>(lanes: L, other: T) -> T {
+    lanes.to_array().into_iter().fold(other, |most, value| larger(value, most))
+}
+
+/// The square of the longest way of a particle, m².
+struct Way<'a, T: Real> {
+    from: &'a [T::Vec3],
+    to: &'a [T::Vec3],
+}
+
+impl<T: Real> Kernel<T> for Way<'_, T> {
+    type Output = T;
+
+    #[expect(clippy::inline_always, reason = "a kernel")]
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> T {
+        let (from, last_from) = self.from.as_chunks::<LANES>();
+        let (to, last_to) = self.to.as_chunks::<LANES>();
+        let mut most = L::splat(with, T::ZERO);
+        for (from, to) in from.iter().zip(to) {
+            let (a, b) = (L::vectors(with, from), L::vectors(with, to));
+            let [x, y, z] = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+            most = (x * x + y * y + z * z).max(most);
+        }
+        let ways = last_from.iter().zip(last_to).map(|(&from, &to)| (to - from).dot(to - from));
+        ways.fold(largest(most, T::ZERO), |most, way| larger(way, most))
+    }
+}
+
+/// How much the longest spring, measured by its limit of `ratio` x its rest length, is longer than that, m.
+struct Excess<'a, T: Real> {
+    springs: &'a Springs<T>,
+    positions: &'a [T::Vec3],
+    ratio: T,
+}
+
+impl<T: Real> Kernel<T> for Excess<'_, T> {
+    type Output = T;
+
+    #[expect(clippy::inline_always, reason = "a kernel")]
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> T {
+        let Self { springs, positions, ratio } = self;
+        let ratios = L::splat(with, ratio);
+        let none = T::from_f64(f64::NEG_INFINITY);
+        let mut most = L::splat(with, none);
+        let (pairs, _) = springs.pairs.as_chunks::<LANES>();
+        let (rest, last) = springs.rest.as_chunks::<LANES>();
+        for (pairs, rest) in pairs.iter().zip(rest) {
+            let a = L::components(with, positions, &pairs.map(|[i, _]| i));
+            let b = L::components(with, positions, &pairs.map(|[_, j]| j));
+            let [x, y, z] = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
+            let length = (x * x + y * y + z * z).sqrt();
+            most = (length - L::of(with, *rest) * ratios).max(most);
+        }
+        let spring = springs.len() - last.len()..springs.len();
+        let excess = spring.map(|s| length(springs, positions, s) - springs.rest[s] * ratio);
+        excess.fold(largest(most, none), |most, excess| larger(excess, most))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::forces::{SpringSet, springs::SpringParams};
+    use crate::model::Topology;
+    use glam::DVec3;
+
+    /// A sheet that is pulled at more and more: with and without memory the same springs are found in every step.
+    fn agree<T: Real>(side: u32) {
+        let mesh = crate::target::grid(side, side, 1.0, false);
+        let rest: Vec<T::Vec3> = mesh.positions.iter().map(|p| T::Vec3::from_f64(*p)).collect();
+        let topology = Topology::of(&mesh);
+        let params = SpringParams::default();
+        let set = SpringSet { topology: &topology, rest_positions: &rest, params: &params, broken: &[] };
+        let mut problem = Problem::new(vec![T::ONE; rest.len()], &set);
+        let mut watch = Watch::default();
+        let (mut looks, mut found) = (0, 0);
+        for step in 0..400 {
+            let pulled = |p: &DVec3| {
+                let far = 1.0 + 0.002 * f64::from(step) * (1.0 + (p.x * 0.9 + p.z * 1.7).sin());
+                T::Vec3::from_f64(*p * far)
+            };
+            let positions: Vec<T::Vec3> = mesh.positions.iter().map(pulled).collect();
+            let before = watch.positions.clone();
+            let torn = watch.torn(&problem, &positions, 1.5);
+            looks += usize::from(watch.positions != before);
+            let springs = &problem.springs;
+            let too_long = |s: &usize| length(springs, &positions, *s) > springs.rest[*s] * T::from_f64(1.5);
+            let all: Vec<usize> = (0..springs.len()).filter(too_long).collect();
+            assert_eq!(torn, all, "step {step}");
+            found += torn.len();
+            problem.remove_springs(&torn);
+        }
+        assert!(found > 10 && found < topology.pairs.concat().len(), "{found}");
+        assert!(looks < 300, "springs were looked at in {looks} of 400 steps");
+    }
+
+    #[test]
+    fn springs_are_found_in_the_step_in_which_they_are_too_long() {
+        for side in [2, 9, 20] {
+            agree::<f32>(side);
+            agree::<f64>(side);
+        }
+    }
+}
