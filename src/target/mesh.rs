@@ -38,6 +38,19 @@ impl QuadMesh {
         Self { positions, starts: vec![0], corners: Vec::new(), edges: Vec::new() }
     }
 
+    /// Takes memory for so many more faces with so many corners in all.
+    pub(super) fn reserve(&mut self, faces: usize, corners: usize) {
+        self.starts.reserve_exact(faces);
+        self.corners.reserve_exact(corners);
+    }
+
+    /// Gives back the memory that it does not need.
+    pub(super) fn shrink(&mut self) {
+        self.positions.shrink_to_fit();
+        self.starts.shrink_to_fit();
+        self.corners.shrink_to_fit();
+    }
+
     /// Adds a face, its corners in order around it.
     pub fn push_face(&mut self, corners: &[u32]) {
         self.corners.extend_from_slice(corners);
@@ -72,6 +85,12 @@ impl QuadMesh {
     /// The faces, each as its corners in order.
     pub fn faces(&self) -> impl ExactSizeIterator<Item = &[u32]> + '_ {
         self.starts.windows(2).map(|w| &self.corners[w[0] as usize..w[1] as usize])
+    }
+
+    /// Changes every corner, and with it the positions.
+    pub(super) fn change_corners(&mut self, mut change: impl FnMut(&mut u32, &mut Vec<DVec3>)) {
+        let Self { corners, positions, .. } = self;
+        corners.iter_mut().for_each(|corner| change(corner, positions));
     }
 
     /// All corners of all faces, one face after the other.

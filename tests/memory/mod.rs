@@ -70,6 +70,14 @@ pub fn measured<T>(work: impl FnOnce() -> T) -> (T, usize) {
     (result, most.unsigned_abs())
 }
 
+/// Does some work, and tells by how many bytes more are held after it.
+pub fn held<T>(work: impl FnOnce() -> T) -> (T, isize) {
+    let before = HELD.with(Cell::get).0;
+    let result = work();
+    let after = HELD.with(Cell::get).0;
+    (result, after - before)
+}
+
 /// Does some work, and tells how often it asked for memory.
 pub fn requests(work: impl FnOnce()) -> usize {
     let before = REQUESTS.get();
