@@ -1,14 +1,25 @@
-//! How long it takes to import a sheet of 100k vertices, beside merely reading its text or its floats.
+//! How long a sheet takes from its file to its first step, at four sizes: in linear time, what is told for each vertex stays
+//! the same.
+//!
+//! Import stands beside a yardstick, the least that any reader does with the same bytes: of OBJ, splitting the text into words
+//! and parsing each number; of glTF, parsing the JSON, and from its text (`.gltf`) or as they stand (`.glb`) reading each float
+//! and each index. All that makes cloth of it comes on top: finding the polygons, welding, looking for what is there twice or
+//! crossed, and for glTF bringing the quads back. Candidates take turns, and each keeps its shortest time.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use std::fmt::Write;
+use base64::Engine as _;
+use std::fmt::Write as _;
 use std::hint::black_box;
-
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use tenter::model::Topology;
+use std::time::Instant;
+use tenter::model::{Numbering, Topology};
+use tenter::scene::{GridTarget, Pin, Pins, Place, Precision, Scene, Target};
+use tenter::simulators::SimulatorSettings;
 use tenter::target::{ImportOptions, QuadMesh, grid, import_bytes};
+use tenter::world::World;
 
-const SIDE: u32 = 317;
+/// Particles along each side: 100 thousand, 200, 400, and a million.
+const SIDES: [u32; 4] = [316, 447, 632, 1000];
+const TURNS: usize = 5;
 
 fn obj(mesh: &QuadMesh) -> String {
     let mut text = String::new();
@@ -22,7 +33,28 @@ fn obj(mesh: &QuadMesh) -> String {
     text
 }
 
-fn glb(mesh: &QuadMesh) -> Vec<u8> {
+/// The same mesh with its vertices, and so its faces, in an order without sense.
+fn shuffled(mesh: &QuadMesh) -> QuadMesh {
+    let count = mesh.positions.len() as u64;
+    // A step without a divisor in common with the count comes by every vertex.
+    let step = (count * 618 / 1000..).find(|step| gcd(*step, count) == 1).unwrap();
+    let name = |p: u32| (u64::from(p) * step % count) as u32;
+    let mut other = QuadMesh::new(mesh.positions.clone());
+    for (p, at) in (0..).zip(&mesh.positions) {
+        other.positions[name(p) as usize] = *at;
+    }
+    for face in mesh.faces() {
+        other.push_face(&[0, 1, 2, 3].map(|i| name(face[i])));
+    }
+    other
+}
+
+fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// A glTF document of two triangles a quad, and its binary data.
+fn gltf(mesh: &QuadMesh) -> (serde_json::Value, Vec<u8>) {
     let positions: Vec<f32> = mesh.positions.iter().flat_map(|p| p.as_vec3().to_array()).collect();
     let indices: Vec<u32> = mesh.faces().flat_map(|f| [f[0], f[1], f[2], f[0], f[2], f[3]]).collect();
     let mut binary: Vec<u8> = positions.iter().flat_map(|x| x.to_le_bytes()).collect();
@@ -37,44 +69,152 @@ fn glb(mesh: &QuadMesh) -> Vec<u8> {
             {"buffer": 0, "byteOffset": split, "byteLength": binary.len() - split}],
         "buffers": [{"byteLength": binary.len()}],
     });
+    (json, binary)
+}
+
+/// The document with its data as text inside.
+fn as_text((mut json, binary): (serde_json::Value, Vec<u8>)) -> String {
+    let data = base64::engine::general_purpose::STANDARD.encode(binary);
+    json["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{data}").into();
+    json.to_string()
+}
+
+/// The document and its data as one binary file.
+fn as_binary((json, binary): (serde_json::Value, Vec<u8>)) -> Vec<u8> {
     let header = gltf::binary::Header { magic: *b"glTF", version: 2, length: 0 };
     let json = json.to_string().into_bytes();
     gltf::Glb { header, json: json.into(), bin: Some(binary.into()) }.to_vec().unwrap()
 }
 
-fn import(c: &mut Criterion) {
-    let mesh = grid(SIDE, SIDE, 0.01, false);
-    let (text, binary) = (obj(&mesh), glb(&mesh));
-    let options = ImportOptions::default();
-    let mut group = c.benchmark_group("import_100k_vertices");
-    group.sample_size(10).throughput(Throughput::Elements(mesh.positions.len() as u64));
-    let split = || text.split_ascii_whitespace().map(str::len).sum::<usize>();
-    group.bench_function("obj_split_words_only", |b| b.iter(|| black_box(split())));
-    let numbers = || text.split_ascii_whitespace().filter_map(|w| w.parse::<f64>().ok()).sum::<f64>();
-    group.bench_function("obj_parse_numbers_only", |b| b.iter(|| black_box(numbers())));
-    group.bench_function("obj", |b| {
-        b.iter(|| import_bytes("a.obj", text.as_bytes(), None, &options).unwrap());
-    });
-    let nearby = ImportOptions { weld: 1e-6, ..options };
-    group.bench_function("obj_weld_1e-6", |b| {
-        b.iter(|| import_bytes("a.obj", text.as_bytes(), None, &nearby).unwrap());
-    });
-    let floats = || binary.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).sum::<f32>();
-    group.bench_function("glb_read_floats_only", |b| b.iter(|| black_box(floats())));
-    group.bench_function("glb", |b| b.iter(|| import_bytes("a.glb", &binary, None, &options).unwrap()));
-    group.finish();
+/// Reads floats and indices, four bytes each.
+fn numbers(binary: &[u8]) -> f64 {
+    let (words, _) = binary.as_chunks::<4>();
+    words.iter().map(|word| f64::from(f32::from_le_bytes(*word))).sum()
 }
 
-fn topology(c: &mut Criterion) {
-    let mut group = c.benchmark_group("topology");
-    group.sample_size(10);
-    for side in [100, 316, 1000] {
-        let mesh = grid(side, side, 0.01, false);
-        group.throughput(Throughput::Elements(mesh.positions.len() as u64));
-        group.bench_function(format!("grid_{side}"), |b| b.iter(|| Topology::of(&mesh)));
+/// Shortest time of each candidate, s.
+fn race<const N: usize>(turns: usize, mut candidates: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let mut best = [f64::INFINITY; N];
+    for _ in 0..turns {
+        for (best, work) in best.iter_mut().zip(&mut candidates) {
+            let start = Instant::now();
+            work();
+            *best = best.min(start.elapsed().as_secs_f64());
+        }
     }
-    group.finish();
+    best
 }
 
-criterion_group!(benches, import, topology);
-criterion_main!(benches);
+fn import(name: &str, bytes: &[u8]) {
+    black_box(import_bytes(name, bytes, None, &ImportOptions::default()).unwrap());
+}
+
+fn imports() {
+    println!("import, ms, and how many times its yardstick");
+    println!(
+        "vertices | OBJ: numbers, import, ratio | glTF: text, import, ratio | GLB: floats, import, ratio"
+    );
+    for side in SIDES {
+        let mesh = grid(side, side, 0.01, false);
+        let (obj, text, glb) = (obj(&mesh), as_text(gltf(&mesh)), as_binary(gltf(&mesh)));
+        let times = race(
+            TURNS,
+            [
+                &mut || {
+                    let numbers = obj.split_ascii_whitespace().filter_map(|word| word.parse::<f64>().ok());
+                    black_box(numbers.sum::<f64>());
+                },
+                &mut || import("a.obj", obj.as_bytes()),
+                &mut || {
+                    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+                    let uri = json["buffers"][0]["uri"].as_str().unwrap();
+                    let data = uri.split_once(',').unwrap().1;
+                    black_box(numbers(&base64::engine::general_purpose::STANDARD.decode(data).unwrap()));
+                },
+                &mut || import("a.gltf", text.as_bytes()),
+                &mut || {
+                    black_box(numbers(&glb));
+                },
+                &mut || import("a.glb", &glb),
+            ],
+        );
+        print!("{:8}", mesh.positions.len());
+        for [least, all] in *times.as_chunks::<2>().0.as_array::<3>().unwrap() {
+            print!(" | {:7.1} {:7.1} {:6.2}", 1e3 * least, 1e3 * all, all / least);
+        }
+        println!();
+    }
+}
+
+fn scene(target: Target, method: &str) -> Scene {
+    let pins = Pins::of([Pin::Particle(0)]);
+    let simulator = SimulatorSettings::new(method);
+    Scene { target, pins, simulator, precision: Precision::Single, dt: 1e-4, ..Scene::default() }
+}
+
+/// Time of the first step beyond that of the next, for each vertex, ns.
+fn preparation(target: &Target, method: &str) -> f64 {
+    let mut world = World::new(scene(target.clone(), method), Place::default()).unwrap();
+    let mut step = || {
+        let start = Instant::now();
+        world.step();
+        start.elapsed().as_secs_f64()
+    };
+    let first = step();
+    1e9 * (first - step()) / world.pinned().len() as f64
+}
+
+fn parts() {
+    const METHODS: [&str; 4] = ["symplectic_euler", "verlet", "xpbd", "vbd"];
+    println!("\nfor each vertex, ns: springs of a sheet in order and shuffled, numbering of the latter;");
+    println!(
+        "a world of a grid, of the OBJ file, of the file shuffled; what {METHODS:?} prepare for the first step on a grid"
+    );
+    let folder = tempfile::tempdir().unwrap();
+    for side in SIDES {
+        let mesh = grid(side, side, 0.01, false);
+        let shuffled = shuffled(&mesh);
+        let topology = Topology::of(&shuffled);
+        let each = 1e9 / mesh.positions.len() as f64;
+        let file = |name: &str, mesh: &QuadMesh| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, obj(mesh)).unwrap();
+            (Target::mesh(path.to_str().unwrap()), path)
+        };
+        let files = [file("a.obj", &mesh), file("b.obj", &shuffled)];
+        let grid =
+            Target::Grid(GridTarget { columns: side, rows: side, spacing: 0.01, ..GridTarget::default() });
+        let world = |target: &Target, place: &Place| {
+            black_box(World::new(scene(target.clone(), "symplectic_euler"), place.clone()).unwrap());
+        };
+        let named = |(target, path): &(Target, std::path::PathBuf)| {
+            let mut place = Place::default();
+            place.allow(path);
+            world(target, &place);
+        };
+        let times = race(
+            3,
+            [
+                &mut || drop(black_box(Topology::of(&mesh))),
+                &mut || drop(black_box(Topology::of(&shuffled))),
+                &mut || drop(black_box(Numbering::of(shuffled.positions.len(), &topology))),
+                &mut || world(&grid, &Place::default()),
+                &mut || named(&files[0]),
+                &mut || named(&files[1]),
+            ],
+        );
+        print!("{:8} |", mesh.positions.len());
+        times.iter().for_each(|time| print!(" {:6.0}", time * each));
+        print!(" |");
+        METHODS.iter().for_each(|method| print!(" {:6.0}", preparation(&grid, method)));
+        println!(" | worlds in all, s: {:.2} {:.2} {:.2}", times[3], times[4], times[5]);
+    }
+}
+
+fn main() {
+    if std::env::args().any(|word| word == "--test") {
+        return;
+    }
+    imports();
+    parts();
+}

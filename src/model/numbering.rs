@@ -33,6 +33,11 @@ impl Numbering {
         Self { maps: Some([inner, source]) }
     }
 
+    /// How many particles are renumbered; none where both numbers of every particle are the same.
+    pub(super) fn len(&self) -> usize {
+        self.maps.as_ref().map_or(0, |[inner, _]| inner.len())
+    }
+
     /// Whether both numbers of every particle are the same.
     pub fn is_identity(&self) -> bool {
         self.maps.is_none()

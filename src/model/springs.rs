@@ -3,6 +3,7 @@
 
 use super::{Numbering, SpringKind, Topology};
 use crate::math::{Real, Vector};
+use crate::target::sort_by_particle;
 use std::ops::Range;
 
 /// Springs that act. A kind that is switched off and a spring that is torn are not in here, so nobody walks them.
@@ -48,7 +49,14 @@ impl<T: Real> Springs<T> {
         kinds: &[KindSettings; 3],
         broken: &[u32],
     ) -> Self {
-        let mut springs = Self::default();
+        let enabled = topology.pairs.iter().zip(kinds).filter(|(_, settings)| settings.enabled);
+        let most = enabled.map(|(pairs, _)| pairs.len()).sum();
+        let mut springs = Self {
+            pairs: Vec::with_capacity(most),
+            rest: Vec::with_capacity(most),
+            ids: Vec::with_capacity(most),
+            groups: Vec::new(),
+        };
         let mut broken = broken.iter().copied().peekable();
         let mut id = 0;
         for ((kind, pairs), settings) in SpringKind::ALL.into_iter().zip(&topology.pairs).zip(kinds) {
@@ -79,18 +87,17 @@ impl<T: Real> Springs<T> {
         }
         for group in &self.groups {
             let range = group.range.clone();
-            let mut order: Vec<(u64, u32)> = Vec::with_capacity(range.len());
-            order.extend(range.clone().map(|s| {
+            let inner = range.clone().map(|s| {
                 let [a, b] = self.pairs[s].map(|p| numbering.inner(p));
-                (u64::from(a.min(b)) << 32 | u64::from(a.max(b)), s as u32)
-            }));
-            order.sort_unstable();
+                ([a.min(b), a.max(b)], s as u32)
+            });
+            let order = sort_by_particle(inner.collect(), numbering.len(), |(ends, _)| ends[0]);
             let rest: Vec<T> = order.iter().map(|(_, s)| self.rest[*s as usize]).collect();
             let ids: Vec<u32> = order.iter().map(|(_, s)| self.ids[*s as usize]).collect();
             self.rest[range.clone()].copy_from_slice(&rest);
             self.ids[range.clone()].copy_from_slice(&ids);
             for (pair, (ends, _)) in self.pairs[range].iter_mut().zip(&order) {
-                *pair = [(ends >> 32) as u32, *ends as u32];
+                *pair = *ends;
             }
         }
     }

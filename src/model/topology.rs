@@ -1,6 +1,6 @@
 //! The spring pairs of a mesh: which particles are joined, by which kind of spring.
 
-use crate::target::QuadMesh;
+use crate::target::{QuadMesh, sort_by_particle};
 
 /// The three kinds of springs (Provot, "Deformation constraints in a mass-spring model to describe rigid cloth behavior", 1995).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -26,7 +26,7 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// Finds the springs of a mesh, in time linear in its size (up to sorting).
+    /// Finds the springs of a mesh, in time linear in its size.
     ///
     /// Stretch: the edges of the faces and the edges without a face. Shear: both diagonals of every quad. Bend: the two pairs
     /// straight across a vertex inside exactly four quads; the two border neighbours of a vertex between exactly two quads; the two
@@ -49,7 +49,7 @@ impl Topology {
         }
         let has_quads = !shear.0.is_empty();
         let bend = if has_quads { across_vertices(mesh) } else { across_edges(mesh) };
-        Self { pairs: [stretch.unique(), shear.unique(), bend.unique()] }
+        Self { pairs: [stretch, shear, bend].map(|pairs| pairs.unique(mesh.positions.len())) }
     }
 
     /// The pairs of one kind.
@@ -58,9 +58,9 @@ impl Topology {
     }
 }
 
-/// Pairs while they are collected, each as one number (low end first) because that sorts several times faster than a pair.
+/// Pairs while they are collected, each with its lower end first.
 #[derive(Default)]
-struct Pairs(Vec<u64>);
+struct Pairs(Vec<[u32; 2]>);
 
 impl Pairs {
     fn with_capacity(capacity: usize) -> Self {
@@ -68,13 +68,14 @@ impl Pairs {
     }
 
     fn push(&mut self, a: u32, b: u32) {
-        self.0.push(u64::from(a.min(b)) << 32 | u64::from(a.max(b)));
+        self.0.push([a.min(b), a.max(b)]);
     }
 
-    fn unique(mut self) -> Vec<[u32; 2]> {
-        self.0.sort_unstable();
-        self.0.dedup();
-        self.0.iter().map(|pair| [(pair >> 32) as u32, *pair as u32]).collect()
+    fn unique(self, particles: usize) -> Vec<[u32; 2]> {
+        let mut pairs = sort_by_particle(self.0, particles, |pair| pair[0]);
+        pairs.dedup();
+        pairs.shrink_to_fit();
+        pairs
     }
 }
 
@@ -189,10 +190,10 @@ fn across_edges(mesh: &QuadMesh) -> Pairs {
         for (i, a) in face.iter().enumerate() {
             let b = face[(i + 1) % face.len()];
             let opposite = if face.len() == 3 { face[(i + 2) % 3] } else { u32::MAX };
-            sides.push((u64::from(*a.min(&b)) << 32 | u64::from(*a.max(&b)), opposite));
+            sides.push(([*a.min(&b), *a.max(&b)], opposite));
         }
     }
-    sides.sort_unstable();
+    let sides = sort_by_particle(sides, mesh.positions.len(), |(ends, _)| ends[0]);
     for edge in sides.chunk_by(|one, two| one.0 == two.0) {
         if let [(_, one), (_, two)] = *edge
             && one != two

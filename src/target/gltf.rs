@@ -13,6 +13,9 @@ use std::collections::HashMap;
 use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
 
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{DecodeError, Engine as _};
 use glam::{DMat4, DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, GenericComponentType, Type};
 use gltf::json::mesh::Mode;
@@ -687,32 +690,18 @@ fn percent_decode(uri: &str) -> Option<String> {
 
 /// RFC 4648 section 4; the padding may be missing.
 fn decode_base64(text: &str) -> Result<Vec<u8>, String> {
-    let text = text.trim_end_matches('=').as_bytes();
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
-    let (mut bits, mut held) = (0_u32, 0);
-    for (at, symbol) in text.iter().enumerate() {
-        let value = match symbol {
-            b'A'..=b'Z' => symbol - b'A',
-            b'a'..=b'z' => symbol - b'a' + 26,
-            b'0'..=b'9' => symbol - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => {
-                let symbol = char::from(*symbol).escape_debug();
-                return Err(format!(
-                    "base64 symbol `{symbol}` at {at} is refused; A-Z a-z 0-9 + / would be accepted"
-                ));
-            }
-        };
-        bits = bits << 6 | u32::from(value);
-        held += 6;
-        if held >= 8 {
-            held -= 8;
-            bytes.push((bits >> held) as u8);
+    const PLAIN: GeneralPurpose = GeneralPurpose::new(
+        &STANDARD,
+        GeneralPurposeConfig::new()
+            .with_decode_padding_mode(DecodePaddingMode::RequireNone)
+            .with_decode_allow_trailing_bits(true),
+    );
+    let text = text.trim_end_matches('=');
+    PLAIN.decode(text).map_err(|error| match error {
+        DecodeError::InvalidByte(at, symbol) => {
+            let symbol = char::from(symbol).escape_debug();
+            format!("base64 symbol `{symbol}` at {at} is refused; A-Z a-z 0-9 + / would be accepted")
         }
-    }
-    if text.len() % 4 == 1 {
-        return Err("base64 text is cut in the middle of a byte; whole bytes would be accepted".to_owned());
-    }
-    Ok(bytes)
+        _ => "base64 text is cut in the middle of a byte; whole bytes would be accepted".to_owned(),
+    })
 }

@@ -20,14 +20,19 @@ pub fn grid(columns: u32, rows: u32, spacing: f64, vertical: bool) -> QuadMesh {
         // Adding +0.0 turns -0.0 into +0.0.
         DVec3::new(x, y, z) + DVec3::ZERO
     };
-    let all = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
-    let mut mesh = QuadMesh::new(all.map(|(row, column)| position(row, column)).collect());
+    let mut positions = Vec::with_capacity(rows as usize * columns as usize);
+    for row in 0..rows {
+        positions.extend((0..columns).map(|column| position(row, column)));
+    }
+    let mut mesh = QuadMesh::new(positions);
     if rows == 1 || columns == 1 {
         for second in 1..rows * columns {
             mesh.push_edge([second - 1, second]);
         }
         return mesh;
     }
+    let faces = (rows as usize - 1) * (columns as usize - 1);
+    mesh.reserve(faces, 4 * faces);
     for row in 1..rows {
         for column in 1..columns {
             let corner = row * columns + column;

@@ -137,6 +137,7 @@ fn import(
         surface.scale(options.scale);
     }
     finish(&mut import)?;
+    import.mesh.shrink();
     Ok(import)
 }
 

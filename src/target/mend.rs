@@ -1,13 +1,12 @@
 //! Mends what files get wrong: welds vertices, and drops faces without area, faces that are there twice and vertices of no face.
 
-use std::collections::hash_map::RandomState;
-use std::hash::BuildHasher;
-
 use glam::DVec3;
 use serde::Serialize;
 
 use super::QuadMesh;
+use super::firsts::Firsts;
 use super::mesh::Pieces;
+use super::sorting::sort_by_particle;
 use super::weld::weld;
 
 /// What was mended in a mesh file, or found and left.
@@ -47,8 +46,10 @@ pub(super) fn mend(raw: &QuadMesh, weld_fraction: f64) -> Result<Whole, String> 
     let tolerance = if weld_fraction < FINEST_WELD { 0.0 } else { weld_fraction * diagonal };
     let first = weld(&raw.positions, tolerance);
     let mut mended = Mended::default();
-    let mut welded = QuadMesh::new(Vec::new());
+    let mut particle = vec![u32::MAX; raw.positions.len()];
+    let mut mesh = QuadMesh::new(Vec::new());
     let mut source_faces = Vec::with_capacity(raw.face_count());
+    let mut polygons = Firsts::new(raw.face_count());
     let mut face = Vec::new();
     for (f, corners) in raw.faces().enumerate() {
         face.clear();
@@ -59,38 +60,34 @@ pub(super) fn mend(raw: &QuadMesh, weld_fraction: f64) -> Result<Whole, String> 
         }
         let kept = face.len() >= 3 && all_distinct(&face);
         mended.degenerate_faces += usize::from(!kept || face.len() < corners.len());
-        if kept {
-            source_faces.push(f as u32);
-            welded.push_face(&face);
+        if !kept {
+            continue;
         }
-    }
-    let duplicate = duplicates(&welded);
-
-    let mut particle = vec![u32::MAX; raw.positions.len()];
-    let mut mesh = QuadMesh::new(Vec::new());
-    let mut kept = Vec::with_capacity(source_faces.len());
-    for (f, corners) in welded.faces().enumerate() {
-        if duplicate[f] {
+        let number = mesh.face_count() as u32;
+        let is_same = |other: u32| {
+            let face = face.iter().map(|corner| particle[*corner as usize]);
+            canonical(mesh.face(other as usize).to_vec()) == canonical(face.collect())
+        };
+        if polygons.find_or_add(hash(&polygons, &face), number, is_same) != number {
             mended.duplicate_faces += 1;
             continue;
         }
-        kept.push(source_faces[f]);
-        face.clear();
-        for corner in corners {
+        for corner in &mut face {
             let number = &mut particle[*corner as usize];
             if *number == u32::MAX {
                 *number = mesh.positions.len() as u32;
                 mesh.positions.push(raw.positions[*corner as usize] + DVec3::ZERO);
             }
-            face.push(*number);
+            *corner = *number;
         }
+        source_faces.push(f as u32);
         mesh.push_face(&face);
     }
     mended.loose_vertices = first.iter().filter(|f| particle[**f as usize] == u32::MAX).count();
     mended.welded = raw.positions.len() - mended.loose_vertices - mesh.positions.len();
     let coarse_weld = if tolerance > 0.0 { coarse(raw, tolerance) } else { None };
     let particles = first.into_iter().map(|f| particle[f as usize]).collect();
-    Ok(Whole { mesh, source_faces: kept, particles, mended, coarse_weld })
+    Ok(Whole { mesh, source_faces, particles, mended, coarse_weld })
 }
 
 /// Length of the bounding box's diagonal; an extent that overflows is refused.
@@ -125,38 +122,21 @@ fn all_distinct(face: &[u32]) -> bool {
     }
 }
 
-/// Which faces are the same polygon as an earlier one. Faces are compared where their hashes agree; the hash is keyed at random,
-/// so that no file can make many agree, and the result does not depend on it.
-fn duplicates(mesh: &QuadMesh) -> Vec<bool> {
-    let hasher = RandomState::new();
-    let mut polygon = Vec::new();
-    let mut by_hash: Vec<(u64, u32)> = Vec::with_capacity(mesh.face_count());
-    for (f, face) in mesh.faces().enumerate() {
-        canonical(face, &mut polygon);
-        by_hash.push((hasher.hash_one(&polygon), f as u32));
-    }
-    by_hash.sort_unstable();
-    let mut duplicate = vec![false; mesh.face_count()];
-    let mut first = Vec::new();
-    for same in by_hash.chunk_by(|a, b| a.0 == b.0) {
-        canonical(mesh.face(same[0].1 as usize), &mut first);
-        for (_, f) in &same[1..] {
-            canonical(mesh.face(*f as usize), &mut polygon);
-            duplicate[*f as usize] = polygon == first;
-        }
-    }
-    duplicate
+/// A hash of a polygon of distinct corners, which is known by its edges: whichever comes first, and however it is wound.
+fn hash(polygons: &Firsts, face: &[u32]) -> u64 {
+    let edge = |a: u32, b: u32| polygons.hash([u64::from(a.min(b)) << 32 | u64::from(a.max(b))]);
+    let inner = face.windows(2).map(|side| edge(side[0], side[1]));
+    inner.fold(edge(face[0], face[face.len() - 1]), u64::wrapping_add)
 }
 
-/// A polygon of distinct corners, turned and wound so that its lowest corner comes first and the lower of that one's neighbours next.
-fn canonical(face: &[u32], polygon: &mut Vec<u32>) {
-    polygon.clear();
-    polygon.extend_from_slice(face);
-    let lowest = (0..face.len()).min_by_key(|i| face[*i]).unwrap_or(0);
+/// The polygon turned and wound so that its lowest corner comes first and the lower of that one's neighbours next.
+fn canonical(mut polygon: Vec<u32>) -> Vec<u32> {
+    let lowest = (0..polygon.len()).min_by_key(|i| polygon[*i]).unwrap_or(0);
     polygon.rotate_left(lowest);
     if polygon.len() > 2 && polygon[1] > polygon[polygon.len() - 1] {
         polygon[1..].reverse();
     }
+    polygon
 }
 
 /// What is left unmended but worth telling.
@@ -171,8 +151,8 @@ pub(super) struct Oddities {
 
 impl Oddities {
     pub(super) fn of(mesh: &QuadMesh) -> Self {
-        // Every side of every face: the edge, and where the corners at its low and its high end stand in the list of corners.
-        let mut sides: Vec<(u64, [u32; 2])> = Vec::with_capacity(mesh.corners().len());
+        // Every side of every face: the ends of its edge, the lower first, and where the corners there stand in the list of corners.
+        let mut sides: Vec<([u32; 2], [u32; 2])> = Vec::with_capacity(mesh.corners().len());
         let mut start = 0;
         for face in mesh.faces() {
             for (i, a) in face.iter().enumerate() {
@@ -180,11 +160,11 @@ impl Oddities {
                 let b = face[next];
                 let [i, next] = [i, next].map(|i| start + i as u32);
                 let corners = if *a < b { [i, next] } else { [next, i] };
-                sides.push((u64::from(*a.min(&b)) << 32 | u64::from(*a.max(&b)), corners));
+                sides.push(([*a.min(&b), *a.max(&b)], corners));
             }
             start += face.len() as u32;
         }
-        sides.sort_unstable();
+        let sides = sort_by_particle(sides, mesh.positions.len(), |(ends, _)| ends[0]);
         // Corners at one particle belong together where their faces share an edge there; more than one group is a pinch.
         let mut fans = Pieces::new(mesh.corners().len());
         let mut non_manifold_edges = 0;

@@ -38,6 +38,19 @@ impl QuadMesh {
         Self { positions, starts: vec![0], corners: Vec::new(), edges: Vec::new() }
     }
 
+    /// Takes memory for so many more faces with so many corners in all.
+    pub(super) fn reserve(&mut self, faces: usize, corners: usize) {
+        self.starts.reserve_exact(faces);
+        self.corners.reserve_exact(corners);
+    }
+
+    /// Gives back the memory that it does not need.
+    pub(super) fn shrink(&mut self) {
+        self.positions.shrink_to_fit();
+        self.starts.shrink_to_fit();
+        self.corners.shrink_to_fit();
+    }
+
     /// Adds a face, its corners in order around it.
     pub fn push_face(&mut self, corners: &[u32]) {
         self.corners.extend_from_slice(corners);

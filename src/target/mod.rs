@@ -1,5 +1,6 @@
 //! What is simulated: a generated grid or an imported mesh, as one polygon mesh with welded particles.
 
+mod firsts;
 mod gltf;
 mod grid;
 mod import;
@@ -8,6 +9,7 @@ mod mesh;
 mod obj;
 mod obj_surface;
 mod recover_quads;
+mod sorting;
 mod surface;
 mod weld;
 
@@ -16,4 +18,5 @@ pub use import::{Import, ImportError, ImportOptions, ImportReport, import_bytes,
 pub use mend::Mended;
 pub use mesh::{FaceCounts, QuadMesh};
 pub use recover_quads::{QuadRecovery, RecoveryMethod};
+pub(crate) use sorting::sort_by_particle;
 pub use surface::{Corner, Section, Surface, Vertex};

@@ -4,14 +4,16 @@
 //! triangles (exporters write a quad's two triangles one after the other), and geometry (two triangles that make a good rectangle).
 //! Order and geometry are rivals where nothing is declared: what makes the more regular sheet is kept.
 
+use std::cell::Cell;
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, VecDeque};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use super::QuadMesh;
+use super::sorting::sort_by_particle;
 
 /// How quads were brought back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -93,7 +95,7 @@ pub(super) fn recover(mesh: &QuadMesh, raw: &[[u32; 3]], ngon_encoding: bool) ->
     if recovery.quads > 0 {
         recovery.method = method;
     }
-    let is_suspicious = mean_off(&mesh.positions, &triangles, &mate) > SUSPICIOUS;
+    let is_suspicious = are_suspicious(&mesh.positions, &triangles, &mate);
     Recovered { mesh: quads, triangles: sources, recovery, is_suspicious }
 }
 
@@ -108,24 +110,24 @@ fn pair(
         return (mate, RecoveryMethod::NgonEncoding);
     }
     let neighbours = Neighbours::of(positions, triangles);
-    let regular = |mate: &[u32]| neighbours.regular_vertices(positions.len(), triangles, mate) as f64;
+    let regular = |mate: &[u32]| neighbours.regular_vertices(mate) as f64;
     let mut by_order = by_order(positions, triangles, raw);
     let paired = by_order.iter().filter(|m| **m != NONE).count();
     let is_covered = paired as f64 >= ORDER_SHARE * triangles.len() as f64;
     if is_covered {
-        neighbours.pair_best_first(positions, triangles, &mut by_order);
+        neighbours.pair_best_first(&mut by_order);
         // No rival can make more vertices regular than there are inside.
-        if regular(&by_order) >= ORDER_REGULAR * neighbours.interior_vertices(positions.len()) as f64 {
+        if regular(&by_order) >= ORDER_REGULAR * neighbours.interior_vertices() as f64 {
             return (by_order, RecoveryMethod::Order);
         }
     }
     let mut by_geometry = vec![NONE; triangles.len()];
-    neighbours.pair_best_first(positions, triangles, &mut by_geometry);
+    neighbours.pair_best_first(&mut by_geometry);
     neighbours.pair_along_paths(&mut by_geometry);
     if is_covered && regular(&by_order) >= ORDER_REGULAR * regular(&by_geometry) {
         return (by_order, RecoveryMethod::Order);
     }
-    if mean_off(positions, triangles, &by_geometry) > SUSPICIOUS {
+    if are_suspicious(positions, triangles, &by_geometry) {
         by_geometry.fill(NONE);
     }
     (by_geometry, RecoveryMethod::Geometry)
@@ -157,36 +159,60 @@ fn by_ngon_encoding(triangles: &[[u32; 3]], raw: &[[u32; 3]]) -> Option<Vec<u32>
 /// An edge is shared by raw vertex number, as a quad's diagonal is never a seam; where no triangles share any vertex
 /// (files without indices) by particle.
 fn by_order(positions: &[DVec3], triangles: &[[u32; 3]], raw: &[[u32; 3]]) -> Vec<u32> {
-    let mut used: Vec<u32> = raw.as_flattened().to_vec();
-    used.sort_unstable();
-    let by = if used.windows(2).any(|w| w[0] == w[1]) { raw } else { triangles };
+    let by = if shares_corners(raw) { raw } else { triangles };
+    let next = |t: usize| {
+        (shared_corners(by[t], by[t + 1]) == 2).then(|| quad(triangles[t], triangles[t + 1])).flatten()
+    };
+    let mut mate = vec![NONE; triangles.len()];
+    let mut start = 0;
+    while start < triangles.len() {
+        // Each of a run of triangles makes a quad with the next.
+        let quads: Vec<_> = (start..triangles.len() - 1).map_while(next).collect();
+        let end = start + quads.len() + 1;
+        if quads.len() % 2 == 1 {
+            // All of them find a mate in one way only.
+            (start..end).step_by(2).for_each(|t| marry(&mut mate, t, t + 1));
+        } else if !quads.is_empty() {
+            marry_best(
+                &mut mate,
+                start,
+                &quads.iter().map(|quad| misfit(positions, *quad)).collect::<Vec<_>>(),
+            );
+        }
+        start = end;
+    }
+    mate
+}
+
+/// Pairs a run of triangles, each of which fits so badly to the next, so that one is left over and the others fit best.
+fn marry_best(mate: &mut [u32], start: usize, misfits: &[f64]) {
     // Best (number of pairs, negative misfit) of the triangles before t, and whether t - 2 and t - 1 are one of them.
     let mut best = [(0_u32, 0.0_f64); 2];
-    let mut takes = vec![false; triangles.len() + 1];
-    for t in 2..=triangles.len() {
+    let mut takes = vec![false; misfits.len() + 2];
+    for (t, misfit) in (2..).zip(misfits) {
         let [before, last] = best;
         best = [last, last];
-        let (one, two) = (triangles[t - 2], triangles[t - 1]);
-        if shared_corners(by[t - 2], by[t - 1]) == 2
-            && let Some(quad) = quad(one, two)
-        {
-            let with = (before.0 + 1, before.1 - misfit(positions, quad));
-            if with > last {
-                best[1] = with;
-                takes[t] = true;
-            }
+        let with = (before.0 + 1, before.1 - misfit);
+        if with > last {
+            best[1] = with;
+            takes[t] = true;
         }
     }
-    let mut mate = vec![NONE; triangles.len()];
-    let mut t = triangles.len();
+    let mut t = takes.len() - 1;
     while t >= 2 {
         if takes[t] {
-            marry(&mut mate, t - 2, t - 1);
+            marry(mate, start + t - 2, start + t - 1);
             t -= 1;
         }
         t -= 1;
     }
-    mate
+}
+
+/// Whether any two triangles have a corner in common.
+fn shares_corners(triangles: &[[u32; 3]]) -> bool {
+    let corners = triangles.as_flattened();
+    let mut used = vec![false; corners.iter().max().map_or(0, |most| *most as usize + 1)];
+    corners.iter().any(|corner| std::mem::replace(&mut used[*corner as usize], true))
 }
 
 fn marry(mate: &mut [u32], one: usize, two: usize) {
@@ -206,16 +232,24 @@ fn quad(one: [u32; 3], two: [u32; 3]) -> Option<[u32; 4]> {
     (two.contains(&from) && two.contains(&to)).then_some([one[apex], from, opposite, to])
 }
 
-/// Corner angles of a quad [apex, end, apex, end] of two triangles, unfolded around the edge between its ends; radians.
-fn angles(positions: &[DVec3], quad: [u32; 4]) -> [f64; 4] {
+/// Corners of a quad [apex, end, apex, end] of two triangles, unfolded around the edge between its ends: of each, (cosine, sine) of
+/// its angle, which may go all around, times anything above 0.
+fn corners(positions: &[DVec3], quad: [u32; 4]) -> [DVec2; 4] {
     let [a, p, b, q] = quad.map(|corner| positions[corner as usize]);
     // Scaled to about 1, or the products of tiny lengths would vanish.
     let scale = (a - p).abs().max(b - p).max((q - p).abs()).max_element().max(f64::MIN_POSITIVE);
-    let angle = |at: DVec3, one: DVec3, two: DVec3| {
+    let corner = |at: DVec3, one: DVec3, two: DVec3| {
         let (one, two) = ((one - at) / scale, (two - at) / scale);
-        one.cross(two).length().atan2(one.dot(two))
+        DVec2::new(one.dot(two), one.cross(two).length())
     };
-    [angle(a, p, q), angle(p, a, q) + angle(p, b, q), angle(b, p, q), angle(q, a, p) + angle(q, b, p)]
+    // The product of complex numbers turns by the sum of their angles.
+    let ends = [corner(p, a, q).rotate(corner(p, b, q)), corner(q, a, p).rotate(corner(q, b, p))];
+    [corner(a, p, q), ends[0], corner(b, p, q), ends[1]]
+}
+
+/// Radians, 0 to a whole turn.
+fn angle(corner: DVec2) -> f64 {
+    corner.y.atan2(corner.x).rem_euclid(2.0 * PI)
 }
 
 /// How much the sides of two quads bend where one continues the other: 0 straight on, 1 at right angles. Quads that do not lie
@@ -239,7 +273,7 @@ fn bend(positions: &[DVec3], here: [u32; 4], next: [u32; 4]) -> f64 {
 /// angle (as a share of it), unequal opposite sides, and a little for the fold between them, as cloth does fold.
 fn misfit(positions: &[DVec3], quad: [u32; 4]) -> f64 {
     let [a, p, b, q] = quad.map(|corner| positions[corner as usize]);
-    let corners = angles(positions, quad).map(|angle| (angle / FRAC_PI_2 - 1.0).powi(2));
+    let corners = corners(positions, quad).map(|corner| (angle(corner) / FRAC_PI_2 - 1.0).powi(2));
     let unequal = |one: f64, two: f64| {
         let sum = one + two;
         if sum > 0.0 { ((one - two) / sum).powi(2) } else { 0.0 }
@@ -250,13 +284,18 @@ fn misfit(positions: &[DVec3], quad: [u32; 4]) -> f64 {
     corners.iter().sum::<f64>() / 4.0 + sides / 2.0 + 0.02 * fold
 }
 
-/// Mean difference of the quads' corners from a right angle, radians.
-fn mean_off(positions: &[DVec3], triangles: &[[u32; 3]], mate: &[u32]) -> f64 {
+/// Whether the corners of the quads are off a right angle by more than [`SUSPICIOUS`] on average.
+fn are_suspicious(positions: &[DVec3], triangles: &[[u32; 3]], mate: &[u32]) -> bool {
     let pairs = mate.iter().enumerate().filter(|(t, m)| **m != NONE && **m as usize > *t);
-    let quads = pairs.filter_map(|(t, m)| quad(triangles[t], triangles[*m as usize]));
-    let off = |quad| angles(positions, quad).map(|angle| (angle - FRAC_PI_2).abs()).iter().sum::<f64>() / 4.0;
-    let (sum, count) = quads.fold((0.0, 0_u32), |(sum, count), quad| (sum + off(quad), count + 1));
-    sum / f64::from(count.max(1))
+    let quads = || pairs.clone().filter_map(|(t, m)| quad(triangles[t], triangles[*m as usize]));
+    let mean = |off: &dyn Fn(DVec2) -> f64| {
+        let of_quad = |quad| corners(positions, quad).map(off).iter().sum::<f64>() / 4.0;
+        let (sum, count) = quads().fold((0.0, 0_u32), |(sum, count), quad| (sum + of_quad(quad), count + 1));
+        sum / f64::from(count.max(1))
+    };
+    // No angle is larger than its tangent, which takes a fraction of the time and nearly always decides.
+    let tangent = |corner: DVec2| if corner.y > 0.0 { (corner.x / corner.y).abs() } else { f64::INFINITY };
+    mean(&tangent) > SUSPICIOUS && mean(&|corner| (angle(corner) - FRAC_PI_2).abs()) > SUSPICIOUS
 }
 
 /// Two triangles that may become a quad; the queue gives the cheapest first, and of equal ones the first.
@@ -288,90 +327,106 @@ impl PartialEq for Candidate {
 impl Eq for Candidate {}
 
 /// Which triangles share an edge that no third one uses, and how good a quad each two of them make.
-struct Neighbours {
-    /// Up to three neighbours of every triangle, with the misfit of the quad.
-    of: Vec<[(u32, f32); 3]>,
+struct Neighbours<'a> {
+    positions: &'a [DVec3],
+    triangles: &'a [[u32; 3]],
+    /// Up to three neighbours of every triangle.
+    of: Vec<[u32; 3]>,
+    /// The misfit of the quad with each; not a number until somebody has asked for it.
+    misfits: Vec<[Cell<f32>; 3]>,
     /// Ends of the edges that belong to one triangle, or to more than two.
-    border: Vec<u64>,
+    border: Vec<[u32; 2]>,
 }
 
-impl Neighbours {
-    fn of(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+impl<'a> Neighbours<'a> {
+    fn of(positions: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
         let mut sides = Vec::with_capacity(3 * triangles.len());
         for (t, triangle) in triangles.iter().enumerate() {
             for i in 0..3 {
                 let [a, b] = [triangle[i], triangle[(i + 1) % 3]];
-                sides.push((u64::from(a.min(b)) << 32 | u64::from(a.max(b)), t as u32));
+                sides.push(([a.min(b), a.max(b)], t as u32));
             }
         }
-        sides.sort_unstable();
-        let mut of = vec![[(NONE, 0.0); 3]; triangles.len()];
+        let sides = sort_by_particle(sides, positions.len(), |(ends, _)| ends[0]);
+        let mut of = vec![[NONE; 3]; triangles.len()];
         let mut border = Vec::new();
         for edge in sides.chunk_by(|a, b| a.0 == b.0) {
             let [(_, one), (_, two)] = *edge else {
                 border.push(edge[0].0);
                 continue;
             };
-            let Some(quad) = quad(triangles[one as usize], triangles[two as usize]) else { continue };
-            let misfit = misfit(positions, quad) as f32;
+            if quad(triangles[one as usize], triangles[two as usize]).is_none() {
+                continue;
+            }
             for (t, other) in [(one, two), (two, one)] {
-                if let Some(free) = of[t as usize].iter_mut().find(|n| n.0 == NONE) {
-                    *free = (other, misfit);
+                if let Some(free) = of[t as usize].iter_mut().find(|n| **n == NONE) {
+                    *free = other;
                 }
             }
         }
-        Self { of, border }
+        let misfits = vec![[const { Cell::new(f32::NAN) }; 3]; triangles.len()];
+        Self { positions, triangles, of, misfits, border }
     }
 
-    fn around(&self, t: u32) -> impl Iterator<Item = (u32, f32)> {
-        self.of[t as usize].into_iter().filter(|n| n.0 != NONE)
+    /// The neighbours of a triangle.
+    fn around(&self, t: u32) -> impl Iterator<Item = u32> {
+        self.of[t as usize].into_iter().filter(|n| *n != NONE)
+    }
+
+    /// How badly a triangle fits to its neighbour.
+    fn misfit(&self, t: u32, neighbour: u32) -> f32 {
+        let Some(i) = self.of[t as usize].iter().position(|n| *n == neighbour) else { return 0.0 };
+        let known = &self.misfits[t as usize][i];
+        if known.get().is_nan() {
+            // The same number from either side.
+            let quad = self.quad(t.min(neighbour), t.max(neighbour));
+            known.set(quad.map_or(0.0, |quad| misfit(self.positions, quad) as f32));
+        }
+        known.get()
+    }
+
+    fn quad(&self, one: u32, two: u32) -> Option<[u32; 4]> {
+        quad(self.triangles[one as usize], self.triangles[two as usize])
     }
 
     /// Pairs what is free, the best quads first; a quad that continues one that is there already comes before one that starts anew.
-    fn pair_best_first(&self, positions: &[DVec3], triangles: &[[u32; 3]], mate: &mut [u32]) {
+    fn pair_best_first(&self, mate: &mut [u32]) {
         let free: Vec<u32> = (0..mate.len() as u32).filter(|t| mate[*t as usize] == NONE).collect();
         if free.is_empty() {
             return;
         }
         let mut queue = BinaryHeap::new();
         for one in free {
-            for (two, misfit) in self.around(one).filter(|n| one < n.0 && mate[n.0 as usize] == NONE) {
-                queue.push(Candidate { cost: misfit + NEW_START, one, two });
+            for two in self.around(one).filter(|two| one < *two && mate[*two as usize] == NONE) {
+                queue.push(Candidate { cost: self.misfit(one, two) + NEW_START, one, two });
             }
         }
         for t in 0..mate.len() as u32 {
             if mate[t as usize] > t {
-                self.queue_continuations(positions, triangles, mate, t, &mut queue);
+                self.queue_continuations(mate, t, &mut queue);
             }
         }
         while let Some(Candidate { one, two, .. }) = queue.pop() {
             if mate[one as usize] == NONE && mate[two as usize] == NONE {
                 marry(mate, one as usize, two as usize);
-                self.queue_continuations(positions, triangles, mate, one, &mut queue);
+                self.queue_continuations(mate, one, &mut queue);
             }
         }
     }
 
     /// Queues the free quads across the four sides of the one that triangle `t` belongs to, the straighter the sooner.
-    fn queue_continuations(
-        &self,
-        positions: &[DVec3],
-        triangles: &[[u32; 3]],
-        mate: &[u32],
-        t: u32,
-        queue: &mut BinaryHeap<Candidate>,
-    ) {
+    fn queue_continuations(&self, mate: &[u32], t: u32, queue: &mut BinaryHeap<Candidate>) {
         let partner = mate[t as usize];
         if partner == NONE {
             return;
         }
-        let Some(here) = quad(triangles[t as usize], triangles[partner as usize]) else { return };
-        for (one, _) in self.around(t).chain(self.around(partner)) {
-            for (two, misfit) in self.around(one) {
+        let Some(here) = self.quad(t, partner) else { return };
+        for one in self.around(t).chain(self.around(partner)) {
+            for two in self.around(one) {
                 if mate[one as usize] == NONE && mate[two as usize] == NONE {
-                    let next = quad(triangles[one as usize], triangles[two as usize]);
-                    let bend = next.map_or(1.0, |next| bend(positions, here, next));
-                    queue.push(Candidate { cost: misfit + BEND_COST * bend as f32, one, two });
+                    let bend = self.quad(one, two).map_or(1.0, |next| bend(self.positions, here, next));
+                    let cost = self.misfit(one, two) + BEND_COST * bend as f32;
+                    queue.push(Candidate { cost, one, two });
                 }
             }
         }
@@ -400,7 +455,7 @@ impl Neighbours {
     fn path(&self, start: u32, mate: &[u32], came_from: &mut [u32], seen: &mut Vec<u32>) -> Option<u32> {
         let mut queue = VecDeque::from([start]);
         while let Some(t) = queue.pop_front() {
-            for (next, _) in self.around(t) {
+            for next in self.around(t) {
                 let partner = mate[next as usize];
                 let new = next != start && partner != t && came_from[next as usize] == NONE;
                 // A partner that was reached itself would make the path cross itself.
@@ -423,8 +478,7 @@ impl Neighbours {
 
     /// By how much the misfit of the quads along a path grows on average when they are cut along their other sides.
     fn worsening(&self, end: u32, start: u32, mate: &[u32], came_from: &[u32]) -> f64 {
-        let misfit =
-            |one: u32, two: u32| self.around(one).find(|n| n.0 == two).map_or(0.0, |n| f64::from(n.1));
+        let misfit = |one: u32, two: u32| f64::from(self.misfit(one, two));
         let (mut sum, mut quads, mut at) = (0.0, 0.0, end);
         loop {
             let from = came_from[at as usize];
@@ -439,37 +493,35 @@ impl Neighbours {
     }
 
     /// Vertices that are not on the border.
-    fn interior_vertices(&self, vertices: usize) -> usize {
-        let mut is_inside = vec![true; vertices];
-        for edge in &self.border {
-            is_inside[(edge >> 32) as usize] = false;
-            is_inside[*edge as u32 as usize] = false;
+    fn interior_vertices(&self) -> usize {
+        let mut is_inside = vec![true; self.positions.len()];
+        for end in self.border.as_flattened() {
+            is_inside[*end as usize] = false;
         }
         is_inside.iter().filter(|inside| **inside).count()
     }
 
     /// Interior vertices with exactly four quads around them.
-    fn regular_vertices(&self, vertices: usize, triangles: &[[u32; 3]], mate: &[u32]) -> usize {
+    fn regular_vertices(&self, mate: &[u32]) -> usize {
         // Quads around each vertex; a triangle or the border spoils it.
         const SPOILT: u32 = u32::MAX / 2;
-        let mut quads = vec![0_u32; vertices];
-        for (t, triangle) in triangles.iter().enumerate() {
+        let mut quads = vec![0_u32; self.positions.len()];
+        for (t, triangle) in self.triangles.iter().enumerate() {
             let other = mate[t];
             if other == NONE {
                 for corner in triangle {
                     quads[*corner as usize] = SPOILT;
                 }
             } else if other as usize > t
-                && let Some(quad) = quad(*triangle, triangles[other as usize])
+                && let Some(quad) = self.quad(t as u32, other)
             {
                 for corner in quad {
                     quads[corner as usize] = (quads[corner as usize] + 1).min(SPOILT);
                 }
             }
         }
-        for edge in &self.border {
-            quads[(edge >> 32) as usize] = SPOILT;
-            quads[*edge as u32 as usize] = SPOILT;
+        for end in self.border.as_flattened() {
+            quads[*end as usize] = SPOILT;
         }
         quads.iter().filter(|count| **count == 4).count()
     }

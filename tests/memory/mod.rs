@@ -92,6 +92,14 @@ pub fn trim() {
     }
 }
 
+/// Does some work, and tells by how many bytes more are held after it.
+pub fn added<T>(work: impl FnOnce() -> T) -> (T, isize) {
+    let before = HELD.with(Cell::get).0;
+    let result = work();
+    let after = HELD.with(Cell::get).0;
+    (result, after - before)
+}
+
 /// Does some work, and tells how often it asked for memory.
 pub fn requests(work: impl FnOnce()) -> usize {
     let before = REQUESTS.get();
