@@ -254,17 +254,19 @@ impl Lane {
     }
 
     /// Takes the steps of a beat, up to a time. `act` does before each what is to be done, and says whether there is to be one.
-    fn steps_to(&mut self, time: f64, mut act: impl FnMut(&mut Self) -> bool) {
-        for _ in 0..STEPS_OF_A_BEAT {
-            if !(self.has_room(time) && act(self) && self.has_room(time)) {
-                break;
+    fn steps_to(&mut self, time: f64, mut act: impl FnMut(&mut Self) -> bool + Send) {
+        self.world.threads().run(|| {
+            for _ in 0..STEPS_OF_A_BEAT {
+                if !(self.has_room(time) && act(self) && self.has_room(time)) {
+                    break;
+                }
+                let steps = self.world.steps();
+                self.world.step();
+                if self.world.steps() == steps {
+                    break;
+                }
             }
-            let steps = self.world.steps();
-            self.world.step();
-            if self.world.steps() == steps {
-                break;
-            }
-        }
+        });
     }
 
     /// Takes the steps up to a time, with what the script says.

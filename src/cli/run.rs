@@ -153,7 +153,7 @@ pub fn execute_as(
     common: &Common,
     title: &str,
     steps: u64,
-    between: impl FnMut(&mut World) -> Result<bool, Refusal>,
+    between: impl FnMut(&mut World) -> Result<bool, Refusal> + Send,
     compare: impl FnOnce(&World) -> Result<Option<Difference>, Refusal>,
 ) -> Result<(World, Ending), Refusal> {
     let pending = results.out.as_deref().map(Pending::new).transpose()?;
@@ -183,24 +183,27 @@ pub fn advance(
     world: &mut World,
     common: &Common,
     steps: u64,
-    mut between: impl FnMut(&mut World) -> Result<bool, Refusal>,
+    mut between: impl FnMut(&mut World) -> Result<bool, Refusal> + Send,
 ) -> Result<(), Refusal> {
     catch_interrupt();
     let bar = progress(common, steps);
     let mut shown = Instant::now();
     let mut goes_on = between(world)?;
-    while goes_on && world.steps() < steps && !interrupted() {
-        world.step();
-        if world.health().is_diverged() || interrupted() {
-            break;
+    world.threads().run(|| {
+        while goes_on && world.steps() < steps && !interrupted() {
+            world.step();
+            if world.health().is_diverged() || interrupted() {
+                break;
+            }
+            goes_on = between(world)?;
+            if shown.elapsed().as_millis() > 100 {
+                shown = Instant::now();
+                bar.set_message(format!("{:.2} s simulated", world.time()));
+                bar.set_position(world.steps());
+            }
         }
-        goes_on = between(world)?;
-        if shown.elapsed().as_millis() > 100 {
-            shown = Instant::now();
-            bar.set_message(format!("{:.2} s simulated", world.time()));
-            bar.set_position(world.steps());
-        }
-    }
+        Ok::<(), Refusal>(())
+    })?;
     bar.finish_and_clear();
     if goes_on && world.steps() < steps && !world.health().is_diverged() {
         common.warn(&[format!("interrupted after {} of {steps} steps", world.steps())]);

@@ -64,6 +64,20 @@ macro_rules! on {
 
 use on;
 
+/// The threads that a world steps on, if they are several.
+#[derive(Clone)]
+pub struct Threads(Option<Arc<rayon::ThreadPool>>);
+
+impl Threads {
+    /// Does work on one of them: while it goes on the others are soon at hand, which steps one after the other profit from.
+    pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        match &self.0 {
+            Some(pool) => pool.install(work),
+            None => work(),
+        }
+    }
+}
+
 /// A running simulation of one scene.
 pub struct World {
     scene: Scene,
@@ -185,6 +199,12 @@ impl World {
         };
         self.prepare();
         Ok(())
+    }
+
+    /// The threads that it steps on.
+    pub fn threads(&self) -> Threads {
+        // Handing a small cloth over would take longer than its step.
+        Threads(self.threads.clone().filter(|_| on!(&self.cloth, c => c.problem.parallel())))
     }
 
     /// Applies a command before the next step, and logs it.
@@ -467,7 +487,6 @@ impl World {
             }
             c.set_pulls(hands);
             match threads {
-                // Handing a small cloth over would take longer than its step.
                 Some(pool) if c.problem.parallel() => pool.install(|| c.step(dt, cost)),
                 _ => c.step(dt, cost),
             }
