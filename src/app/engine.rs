@@ -6,6 +6,7 @@
 mod grips;
 mod kept;
 mod lanes;
+mod opening;
 mod pace;
 mod past;
 mod timeline;
@@ -31,6 +32,7 @@ use crate::{
 };
 use grips::Grips;
 use kept::Memory;
+pub use opening::GivenUp;
 use pace::Pace;
 use timeline::Timeline;
 
@@ -68,6 +70,7 @@ pub struct Engine {
     grips: Grips,
     /// Threads that each lane steps on, where the user has said so.
     threads: Option<usize>,
+    given_up: GivenUp,
     /// The state that was handed out last.
     studied: Option<Studied>,
     /// The last thing that happened by itself, with its number.
@@ -84,16 +87,15 @@ impl Engine {
     /// # Errors
     /// A scene that cannot be built.
     pub fn new(setups: Vec<LaneSetup>) -> Result<Self, Refusal> {
-        Self::on_threads(setups, None)
+        let mut engine = Self::empty(None);
+        engine.open(setups)?;
+        Ok(engine)
     }
 
-    /// Opens lanes, paused, that step on so many threads each; where nothing is said, large cloths on several.
-    ///
-    /// # Errors
-    /// A scene that cannot be built.
-    pub fn on_threads(setups: Vec<LaneSetup>, threads: Option<usize>) -> Result<Self, Refusal> {
+    /// An engine without lanes yet. Those that it opens step on so many threads each; where nothing is said, large cloths on several.
+    pub fn empty(threads: Option<usize>) -> Self {
         let now = Instant::now();
-        let mut engine = Self {
+        Self {
             lanes: Vec::new(),
             reference: 0,
             clock: Clock::default(),
@@ -114,13 +116,17 @@ impl Engine {
             timeline: Timeline::default(),
             grips: Grips::default(),
             threads,
+            given_up: GivenUp::default(),
             studied: None,
             news: None,
             file: None,
             drafted: Vec::new(),
-        };
-        engine.open(setups)?;
-        Ok(engine)
+        }
+    }
+
+    /// What gives up, from any thread, the lanes that an order is opening.
+    pub fn given_up(&self) -> GivenUp {
+        self.given_up.clone()
     }
 
     /// Takes one order; what is refused is told with the state and changes nothing.

@@ -11,7 +11,7 @@ use std::{
 
 use super::{
     autosave::Autosave,
-    engine::{Engine, Order, State},
+    engine::{Engine, GivenUp, Order, State},
 };
 use crate::world::Command;
 
@@ -20,6 +20,7 @@ pub struct Simulation {
     orders: Sender<Order>,
     sent: u64,
     state: Arc<Mutex<Arc<State>>>,
+    given_up: GivenUp,
     thread: Option<JoinHandle<Engine>>,
 }
 
@@ -43,11 +44,12 @@ impl Simulation {
         let (orders, inbox) = channel();
         let state = Arc::new(Mutex::new(Arc::new(engine.state())));
         let outbox = Arc::clone(&state);
+        let given_up = engine.given_up();
         let thread = std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
             run(&mut engine, autosave.as_mut(), &inbox, &outbox, wake);
             engine
         })?;
-        Ok(Self { orders, sent: 0, state, thread: Some(thread) })
+        Ok(Self { orders, sent: 0, state, given_up, thread: Some(thread) })
     }
 
     /// The thread, the first time: it ends once this is dropped, and gives the engine back.
@@ -63,6 +65,11 @@ impl Simulation {
         }
     }
 
+    /// Gives up what the orders up to this number are opening.
+    pub fn give_up(&self, order: u64) {
+        self.given_up.until(order);
+    }
+
     /// The newest state. The lock is held for a pointer's copy.
     pub fn state(&self) -> Arc<State> {
         Arc::clone(&self.state.lock().unwrap_or_else(PoisonError::into_inner))
@@ -71,6 +78,13 @@ impl Simulation {
     /// Number of orders sent; a state with as many has seen them all.
     pub fn sent(&self) -> u64 {
         self.sent
+    }
+}
+
+impl Drop for Simulation {
+    fn drop(&mut self) {
+        // Nobody waits for what is still being opened.
+        self.give_up(u64::MAX);
     }
 }
 

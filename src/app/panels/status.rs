@@ -40,7 +40,6 @@ pub fn status_ui(ui: &mut Ui, session: &Session, busy: Option<&str>, device: &st
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                 let opening = busy.or(session.opening());
                 if let Some(name) = opening {
-                    ui.spinner();
                     ui.add(egui::Label::new(format!("opening {name}")).truncate());
                 } else if let Some(message) = &session.message {
                     ui.add(egui::Label::new(message).truncate()).on_hover_text(message);
