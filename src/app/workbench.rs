@@ -245,7 +245,8 @@ impl Workbench {
         if self.shows_help {
             panels::help_ui(&ctx, &mut self.shows_help);
         }
-        if self.is_opening() {
+        // A question may have come meanwhile, as when the window is to be closed.
+        if self.is_opening() && self.ask.is_none() {
             self.opening_ui(&ctx);
             return;
         }
