@@ -33,24 +33,31 @@ fn obj(mesh: &QuadMesh) -> String {
     text
 }
 
-/// The same mesh with its vertices, and so its faces, in an order without sense.
+/// The same mesh with its vertices and its faces in an order without sense.
 fn shuffled(mesh: &QuadMesh) -> QuadMesh {
-    let count = mesh.positions.len() as u64;
-    // A step without a divisor in common with the count comes by every vertex.
-    let step = (count * 618 / 1000..).find(|step| gcd(*step, count) == 1).unwrap();
-    let name = |p: u32| (u64::from(p) * step % count) as u32;
+    let [names, order] = [mesh.positions.len(), mesh.face_count()].map(permutation);
     let mut other = QuadMesh::new(mesh.positions.clone());
-    for (p, at) in (0..).zip(&mesh.positions) {
-        other.positions[name(p) as usize] = *at;
+    for (name, at) in names.iter().zip(&mesh.positions) {
+        other.positions[*name as usize] = *at;
     }
-    for face in mesh.faces() {
-        other.push_face(&[0, 1, 2, 3].map(|i| name(face[i])));
+    for f in order {
+        let face = mesh.face(f as usize);
+        other.push_face(&[0, 1, 2, 3].map(|i| names[face[i] as usize]));
     }
     other
 }
 
-fn gcd(a: u64, b: u64) -> u64 {
-    if b == 0 { a } else { gcd(b, a % b) }
+/// The same at every run, by xorshift64 (Marsaglia, "Xorshift RNGs", 2003).
+fn permutation(count: usize) -> Vec<u32> {
+    let mut seed = 0x2545_f491_4f6c_dd1d_u64;
+    let mut order: Vec<u32> = (0..count as u32).collect();
+    for i in (1..count).rev() {
+        seed ^= seed << 13;
+        seed ^= seed >> 7;
+        seed ^= seed << 17;
+        order.swap(i, (seed % (i as u64 + 1)) as usize);
+    }
+    order
 }
 
 /// A glTF document of two triangles a quad, and its binary data.

@@ -12,20 +12,18 @@ use tenter::world::World;
 /// Particles along each side.
 const SIDE: u32 = 1000;
 
-/// The sheet as a mesh file, its vertices along its rows or in an order without sense.
+/// The sheet as a mesh file, its faces along its rows or in an order without sense: particles are numbered as faces use them.
 fn obj(is_shuffled: bool) -> String {
     let mesh = grid(SIDE, SIDE, 1.0, false);
-    let count = mesh.positions.len() as u64;
-    // A step without a divisor in common with the count comes by every vertex.
-    let name = |p: u32| if is_shuffled { (u64::from(p) * 618_033) % count } else { u64::from(p) };
-    let mut vertices = vec![0; mesh.positions.len()];
-    (0..count as u32).for_each(|p| vertices[name(p) as usize] = p);
     let mut text = String::new();
-    for p in vertices.into_iter().map(|p| mesh.positions[p as usize]) {
+    for p in &mesh.positions {
         writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
     }
-    for face in mesh.faces() {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|i| name(face[i]) + 1);
+    let count = mesh.face_count();
+    for f in 0..count {
+        // A step without a divisor in common with the count comes by every face.
+        let face = mesh.face(if is_shuffled { f * 618_034 % count } else { f });
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| face[i] + 1);
         writeln!(text, "f {a} {b} {c} {d}").unwrap();
     }
     text

@@ -31,15 +31,20 @@ fn tenter(folder: &Path) -> Command {
     command
 }
 
-/// The workbench on the sheet, which is recorded.
-fn open_on(display: &Display, folder: &Path) -> Process {
+/// The program on a display.
+fn on_display(display: &Display, folder: &Path) -> Command {
     let mut program = tenter(folder);
-    program.args(["sheet", "--record", "done.ron"]);
     program.env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
     // Neither the user's settings nor a session's bus belong to the test.
     program.env("XDG_RUNTIME_DIR", folder).env("XDG_CONFIG_HOME", folder).env("XDG_DATA_HOME", folder);
     program.env("XDG_CACHE_HOME", folder).env("HOME", folder);
-    Process::start(&mut program)
+    program
+}
+
+/// The workbench on the sheet, which is recorded.
+fn open_on(display: &Display, folder: &Path) -> Process {
+    let mut program = on_display(display, folder);
+    Process::start(program.args(["sheet", "--record", "done.ron"]))
 }
 
 /// Where all particles are at the end of a run or replay.
@@ -189,6 +194,24 @@ fn ctrl_c_in_the_terminal_closes_the_window_with_the_recording() {
     assert_eq!(program.end(Duration::from_mins(1)), Some(0));
     let text = std::fs::read_to_string(dir.path().join("done.ron")).expect("the recording");
     assert!(Recording::from_ron(&text).expect("a recording").steps > 0);
+}
+
+#[test]
+fn a_mesh_that_is_refused_at_its_end_closes_the_window_with_one_line() {
+    if let Some(what) = lacking() {
+        return machine::lacks("a_mesh_that_is_refused_at_its_end_closes_the_window_with_one_line", &what);
+    }
+    let dir = tempfile::tempdir().expect("a folder");
+    let display = Display::open();
+    // So long that the window is there before the end is read.
+    let mut text = "v 0 0 0\nv 1 0 0\nv 0 0 1\n".repeat(300_000);
+    text.push_str("f 1 2 3000000\n");
+    std::fs::write(dir.path().join("long.obj"), text).expect("written");
+    let mut program = on_display(&display, dir.path());
+    let output = program.arg("long.obj").output().expect("runs");
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.lines().count() == 1 && told.contains("long.obj") && told.contains("3000000"), "{told}");
 }
 
 /// A workbench under which the device is destroyed in some pictures.

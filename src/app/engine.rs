@@ -6,6 +6,7 @@
 mod grips;
 mod kept;
 mod lanes;
+mod opening;
 mod pace;
 mod past;
 mod timeline;
@@ -34,6 +35,7 @@ use crate::{
 };
 use grips::Grips;
 use kept::Memory;
+pub use opening::GivenUp;
 use pace::Pace;
 use timeline::Timeline;
 
@@ -74,6 +76,7 @@ pub struct Engine {
     /// Set from outside where a step takes too long: it is broken off, and none is taken until [`Order::Run`] says that time
     /// stands still.
     stop: Arc<AtomicBool>,
+    given_up: GivenUp,
     /// The state that was handed out last.
     studied: Option<Studied>,
     /// The last thing that happened by itself, with its number.
@@ -90,16 +93,15 @@ impl Engine {
     /// # Errors
     /// A scene that cannot be built.
     pub fn new(setups: Vec<LaneSetup>) -> Result<Self, Refusal> {
-        Self::on_threads(setups, None)
+        let mut engine = Self::empty(None);
+        engine.open(setups)?;
+        Ok(engine)
     }
 
-    /// Opens lanes, paused, that step on so many threads each; where nothing is said, large cloths on several.
-    ///
-    /// # Errors
-    /// A scene that cannot be built.
-    pub fn on_threads(setups: Vec<LaneSetup>, threads: Option<usize>) -> Result<Self, Refusal> {
+    /// An engine without lanes yet. Those that it opens step on so many threads each; where nothing is said, large cloths on several.
+    pub fn empty(threads: Option<usize>) -> Self {
         let now = Instant::now();
-        let mut engine = Self {
+        Self {
             lanes: Vec::new(),
             reference: 0,
             clock: Clock::default(),
@@ -121,13 +123,17 @@ impl Engine {
             grips: Grips::default(),
             threads,
             stop: Arc::default(),
+            given_up: GivenUp::default(),
             studied: None,
             news: None,
             file: None,
             drafted: Vec::new(),
-        };
-        engine.open(setups)?;
-        Ok(engine)
+        }
+    }
+
+    /// What gives up, from any thread, the lanes that an order is opening.
+    pub fn given_up(&self) -> GivenUp {
+        self.given_up.clone()
     }
 
     /// What breaks off a step that takes too long, once it is set; the next order is to be that time stands still.

@@ -167,6 +167,11 @@ impl Files {
         self.loading.as_ref().map(|(name, _)| name.as_str())
     }
 
+    /// Gives up what is being read.
+    pub fn give_up_loading(&mut self) {
+        self.loading = None;
+    }
+
     /// Makes the open mesh light cotton, as one edit, once it is known which step holds then.
     pub fn make_cotton(&mut self, session: &Session) {
         let (scene, place) = (session.scene().clone(), session.place());

@@ -38,6 +38,7 @@ use std::{
         atomic::{AtomicBool, Ordering},
     },
     thread::JoinHandle,
+    time::{Duration, Instant},
 };
 
 use crate::{
@@ -95,26 +96,41 @@ impl Closed {
 
 /// Closes the window from elsewhere, without a question: whoever presses Ctrl-C in the terminal is not at the window.
 #[derive(Clone, Debug, Default)]
-pub struct Closer(Arc<(AtomicBool, OnceLock<egui::Context>)>);
+pub struct Closer(Arc<Closing>);
+
+#[derive(Debug, Default)]
+struct Closing {
+    is_asked: AtomicBool,
+    window: OnceLock<egui::Context>,
+    refused: OnceLock<String>,
+}
 
 impl Closer {
     /// Closes the window, or keeps it from staying open.
     pub fn close(&self) {
-        let (is_asked, window) = &*self.0;
-        is_asked.store(true, Ordering::Relaxed);
-        if let Some(window) = window.get() {
+        self.0.is_asked.store(true, Ordering::Relaxed);
+        if let Some(window) = self.0.window.get() {
             window.request_repaint();
         }
     }
 
     /// Whether it was asked for.
     pub fn is_asked(&self) -> bool {
-        self.0.0.load(Ordering::Relaxed)
+        self.0.is_asked.load(Ordering::Relaxed)
+    }
+
+    /// The window closes because what it was opened for was refused.
+    fn refuse(&self, why: &str) {
+        // It closes for one reason.
+        let _ = self.0.refused.set(why.to_owned());
     }
 }
 
+/// What can be read within this time is refused before there is a window.
+const SOON: Duration = Duration::from_millis(250);
+
 /// Opens scenes as lanes in a window, each stepping on so many threads if that is said, and returns when it is closed. The
-/// simulation outlives a window that fails.
+/// window does not wait for them. The simulation outlives a window that fails.
 ///
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
@@ -122,7 +138,7 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
     let setups: Vec<LaneSetup> = scenes.into_iter().map(LaneSetup::from).collect();
     let setups = if setups.is_empty() { vec![crate::scene::open("sheet")?.into()] } else { setups };
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
-    let mut engine = Engine::on_threads(setups.clone(), threads)?;
+    let mut engine = Engine::empty(threads);
     let state = engine.state();
     // The thread is there before the window: until that opens, nobody needs to be woken.
     let window = Arc::new(OnceLock::<egui::Context>::new());
@@ -136,8 +152,23 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
         }
     })?;
     let mut closed = Closed { failure: None, simulation: simulation.thread() };
-    let mut session = Session::new(Link::Thread(simulation), state, setups);
-    session.start();
+    let end = || {
+        if let Some(written) = ending {
+            written.end();
+        }
+    };
+    let mut session = Session::opening_first(Link::Thread(simulation), state, setups);
+    // Without a display there is nothing else to wait for.
+    let patience = if display::probe().is_ok() { SOON } else { Duration::MAX };
+    let asked = Instant::now();
+    while session.opening().is_some() && asked.elapsed() < patience && !closer.is_asked() {
+        std::thread::sleep(Duration::from_millis(1));
+        session.refresh();
+    }
+    if let Some(why) = session.take_refused() {
+        end();
+        return Err(crate::scene::Refusal::new(why).into());
+    }
     let file = Preferences::file();
     let preferences = file.as_deref().map(Preferences::load).unwrap_or_default();
     let opening =
@@ -146,18 +177,14 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
     let ended = shell::run(opening, |stage| {
         // Before the first frame nobody else sets them.
         let _ = window.set(stage.egui.clone());
-        let _ = closer.0.1.set(stage.egui.clone());
+        let _ = closer.0.window.set(stage.egui.clone());
         let mut workbench = Workbench::with(session, preferences, file);
         workbench.attach(stage);
-        workbench.closer = closer;
+        workbench.closer = closer.clone();
         workbench.restore.look(autosave::folder(), written, stage.egui);
         workbench
     });
-    let end = || {
-        if let Some(written) = ending {
-            written.end();
-        }
-    };
+    closed.failure = closer.0.refused.get().cloned();
     match ended {
         Ok(()) => end(),
         Err(error) if opened.get().is_none() => {

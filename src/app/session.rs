@@ -48,6 +48,8 @@ struct Opening {
     saved: Option<Scene>,
     /// It can be taken back.
     undo: Option<Vec<LaneSetup>>,
+    /// It is not wanted any more.
+    is_given_up: bool,
 }
 
 /// What the panels read, and through which they ask.
@@ -121,6 +123,15 @@ impl Session {
         }
     }
 
+    /// A session that opens its first lanes. Until they are there, it shows their scenes.
+    pub fn opening_first(link: Link, state: State, setups: Vec<LaneSetup>) -> Self {
+        let mut session = Self::new(link, state, setups.clone());
+        session.drafts = setups.iter().map(|setup| setup.scene.clone()).collect();
+        session.saved = session.drafts.first().cloned();
+        session.open_as(setups, None);
+        session
+    }
+
     /// Takes the newest state; called once a frame.
     pub fn refresh(&mut self) {
         self.state = match &mut self.link {
@@ -139,11 +150,11 @@ impl Session {
         }
         if let Some(opening) = self.opening.take_if(|opening| self.state.orders >= opening.order) {
             match refusal.filter(|(order, _)| *order == opening.order) {
-                Some((_, why)) => self.refused = Some(why),
+                Some((_, why)) => self.refused = Some(why).filter(|_| !opening.is_given_up),
                 None => self.has_opened(opening),
             }
         }
-        if self.state.orders >= self.sent {
+        if self.state.orders >= self.sent && !self.state.lanes.is_empty() {
             self.drafts = self.state.lanes.iter().map(|lane| lane.scene.clone()).collect();
             self.running = self.state.running;
             self.lane = self.lane.min(self.state.lanes.len().saturating_sub(1));
@@ -198,6 +209,14 @@ impl Session {
     /// Whether the simulation has not answered to everything yet.
     pub fn is_waiting(&self) -> bool {
         self.state.orders < self.sent
+    }
+
+    /// Gives up what is being opened.
+    pub fn give_up_opening(&mut self) {
+        if let (Some(opening), Link::Thread(simulation)) = (&mut self.opening, &self.link) {
+            opening.is_given_up = true;
+            simulation.give_up(opening.order);
+        }
     }
 
     /// The scene that is being opened.
@@ -255,9 +274,9 @@ impl Session {
         }
     }
 
-    /// Whether that is so long that the user is told how to break it off.
+    /// Whether a step takes so long that the user is told how to break it off.
     pub fn is_stuck(&self) -> bool {
-        self.at_work() > Duration::from_secs(1)
+        self.opening().is_none() && self.at_work() > Duration::from_secs(1)
     }
 
     /// Chooses what colours the surface.
@@ -373,7 +392,9 @@ impl Session {
                 }
                 Order::Open(setups) => {
                     let setups = setups.clone();
-                    self.opening = Some(Opening { order: self.sent + 1, setups, saved: None, undo: None });
+                    let order = self.sent + 1;
+                    self.opening =
+                        Some(Opening { order, setups, saved: None, undo: None, is_given_up: false });
                 }
                 _ => {}
             }
@@ -448,13 +469,19 @@ impl Session {
 
     /// Opens other lanes. Until they are built, and if they are refused, everything stays as it is.
     pub fn open(&mut self, setups: Vec<LaneSetup>) {
+        // Without lanes there is nothing to go back to.
+        let undo = (!self.state.lanes.is_empty()).then(|| self.setups_now());
+        self.open_as(setups, undo);
+    }
+
+    fn open_as(&mut self, setups: Vec<LaneSetup>, undo: Option<Vec<LaneSetup>>) {
         let Some(first) = setups.first() else { return };
         // A mesh without a scene is nothing that was saved; what an earlier session left is not saved either.
         let is_left = matches!(first.origin, Origin::Saved(_));
         let saved = (!is_left).then(|| first.scene.clone());
         self.message = None;
-        let undo = Some(self.setups_now());
-        self.opening = Some(Opening { order: self.sent + 1, setups: setups.clone(), saved, undo });
+        let order = self.sent + 1;
+        self.opening = Some(Opening { order, setups: setups.clone(), saved, undo, is_given_up: false });
         self.order(Order::Open(setups));
     }
 

@@ -12,7 +12,7 @@ use std::{
 
 use super::{
     autosave::Autosave,
-    engine::{Engine, Order, State},
+    engine::{Engine, GivenUp, Order, State},
 };
 use crate::world::Command;
 
@@ -24,6 +24,7 @@ pub struct Simulation {
     /// Since when the thread has been at work without a look at its orders.
     at_work: Arc<Mutex<Option<Instant>>>,
     stop: Arc<AtomicBool>,
+    given_up: GivenUp,
     thread: Option<JoinHandle<Engine>>,
 }
 
@@ -48,11 +49,12 @@ impl Simulation {
         let state = Arc::new(Mutex::new(Arc::new(engine.state())));
         let (stop, at_work) = (engine.stop(), Arc::default());
         let (outbox, watch) = (Arc::clone(&state), Arc::clone(&at_work));
+        let given_up = engine.given_up();
         let thread = std::thread::Builder::new().name("simulation".to_owned()).spawn(move || {
             run(&mut engine, autosave.as_mut(), &inbox, &outbox, &watch, wake);
             engine
         })?;
-        Ok(Self { orders, sent: 0, state, at_work, stop, thread: Some(thread) })
+        Ok(Self { orders, sent: 0, state, at_work, stop, given_up, thread: Some(thread) })
     }
 
     /// The thread, the first time: it ends once this is dropped, and gives the engine back.
@@ -66,6 +68,11 @@ impl Simulation {
         if self.orders.send(order).is_ok() {
             self.sent += 1;
         }
+    }
+
+    /// Gives up what the orders up to this number are opening.
+    pub fn give_up(&self, order: u64) {
+        self.given_up.until(order);
     }
 
     /// The newest state. The lock is held for a pointer's copy.
@@ -87,6 +94,13 @@ impl Simulation {
     /// Number of orders sent; a state with as many has seen them all.
     pub fn sent(&self) -> u64 {
         self.sent
+    }
+}
+
+impl Drop for Simulation {
+    fn drop(&mut self) {
+        // Nobody waits for what is still being opened.
+        self.give_up(u64::MAX);
     }
 }
 

@@ -3,7 +3,11 @@
 mod drawing;
 mod framing;
 
-use std::{path::PathBuf, sync::Arc};
+use std::{
+    path::PathBuf,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use egui::{Ui, ViewportCommand};
 use glam::Vec3;
@@ -52,6 +56,8 @@ pub struct Workbench {
     device: String,
     window_title: String,
     framing: Framing,
+    /// When what is being opened was asked for.
+    opening_since: Option<Instant>,
     flags: Vec<u32>,
     ground_height: f32,
     is_finished: bool,
@@ -85,6 +91,7 @@ impl Workbench {
             device: String::new(),
             window_title: String::new(),
             framing: Framing::default(),
+            opening_since: None,
             closer: Closer::default(),
             flags: Vec::new(),
             ground_height: 0.0,
@@ -113,7 +120,10 @@ impl Workbench {
             self.framing.focus = Some(Focus::Opened);
             self.lab.cancel();
             if let Some(why) = self.session.take_refused() {
-                self.files.refuse(&why);
+                self.has_refused(&why);
+            } else if self.session.state().lanes.is_empty() {
+                // What the program was started with was given up.
+                self.files.open("sheet");
             }
         }
         self.see_burst();
@@ -129,7 +139,8 @@ impl Workbench {
                 self.export.toggle(&self.session);
             }
         }
-        if self.ask.is_none() && self.restore.offer().is_none() {
+        let is_opening = self.is_opening();
+        if self.ask.is_none() && self.restore.offer().is_none() && !is_opening {
             for action in panels::pressed(ui) {
                 self.perform(&action);
             }
@@ -234,6 +245,11 @@ impl Workbench {
         if self.shows_help {
             panels::help_ui(&ctx, &mut self.shows_help);
         }
+        // A question may have come meanwhile, as when the window is to be closed.
+        if self.is_opening() && self.ask.is_none() {
+            self.opening_ui(&ctx);
+            return;
+        }
         panels::restore_ui(&ctx, &mut self.restore, &mut self.session);
         let is_asking = matches!(self.ask, Some(Ask::Unsaved(_)));
         if let Some(next) = panels::dialog_ui(&ctx, &mut self.ask, &mut self.session, &mut self.files) {
@@ -251,6 +267,45 @@ impl Workbench {
             let font = egui::FontId::proportional(20.0);
             let text = "Drop a scene or a mesh to open it";
             painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, font, egui::Color32::WHITE);
+        }
+    }
+
+    /// What is being opened, by name.
+    fn opening(&self) -> Option<&str> {
+        self.files.loading().or(self.session.opening())
+    }
+
+    /// Whether something is being opened that takes long.
+    fn is_opening(&mut self) -> bool {
+        /// Until then nothing is said of it: it would only flash up. Where there is no cloth yet, there is nothing else to see.
+        const SOON: Duration = Duration::from_millis(300);
+        if self.opening().is_none() {
+            self.opening_since = None;
+            return false;
+        }
+        let since = *self.opening_since.get_or_insert_with(Instant::now);
+        since.elapsed() >= SOON || self.session.state().lanes.is_empty()
+    }
+
+    /// What is being opened, over everything else: what is done meanwhile would be done to a cloth that goes.
+    fn opening_ui(&mut self, ctx: &egui::Context) {
+        let Some(since) = self.opening_since else { return };
+        let name = self.opening().unwrap_or_default().to_owned();
+        if panels::opening_ui(ctx, &name, since.elapsed()) {
+            self.session.message = Some(format!("{name} was not opened"));
+            self.opening_since = None;
+            self.files.give_up_loading();
+            self.session.give_up_opening();
+        }
+    }
+
+    /// What was being opened is no cloth. Where there is no other, the program ends with that.
+    fn has_refused(&mut self, why: &str) {
+        if self.session.state().lanes.is_empty() {
+            self.closer.refuse(why);
+            self.finish();
+        } else {
+            self.files.refuse(why);
         }
     }
 

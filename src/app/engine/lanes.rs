@@ -1,18 +1,16 @@
 //! Lanes that are opened, added and removed, with their past.
 
-use super::{Engine, Lane, LaneSetup};
+use super::{Engine, Lane, LaneSetup, opening};
 use crate::scene::Refusal;
 
 impl Engine {
     /// Lanes to be; a refused scene leaves everything as it was.
     pub(super) fn build(&self, setups: Vec<LaneSetup>) -> Result<Vec<Lane>, Refusal> {
-        let open = |setup: LaneSetup| {
-            let title = setup.title.clone();
-            let lane = Lane::open(setup, self.threads);
-            lane.map(|lane| self.stoppable(lane)).map_err(|refusal| refusal.at(title))
-        };
-        let lanes = setups.into_iter().map(open).collect::<Result<Vec<_>, _>>()?;
-        if lanes.is_empty() { Err(Refusal::new("there is no scene to open")) } else { Ok(lanes) }
+        if setups.is_empty() {
+            return Err(Refusal::new("there is no scene to open"));
+        }
+        let lanes = opening::build(setups, self.threads, self.orders, &self.given_up)?;
+        Ok(lanes.into_iter().map(|lane| self.stoppable(lane)).collect())
     }
 
     fn stoppable(&self, mut lane: Lane) -> Lane {

@@ -55,6 +55,29 @@ fn a_refused_order_changes_nothing_and_is_told() {
 }
 
 #[test]
+fn lanes_that_are_given_up_are_not_opened() {
+    let mut engine = engine(&["()"]);
+    engine.given_up().until(1);
+    // Long enough to be given up on the way.
+    engine.take(Order::Open(vec![setup("(target: Grid(columns: 700, rows: 700))")]));
+    let state = engine.state();
+    assert_eq!(state.refusal.map(|(order, _)| order), Some(1));
+    assert_eq!(state.lanes[0].positions.len(), 625);
+    engine.take(Order::Open(vec![setup("(target: Grid(columns: 7, rows: 7))")]));
+    assert_eq!(engine.state().lanes[0].positions.len(), 49);
+}
+
+#[test]
+fn an_engine_without_lanes_waits_for_its_first() {
+    let mut engine = Engine::empty(None);
+    engine.take(Order::Run(true));
+    engine.advance(Duration::from_millis(100), || false);
+    assert!(engine.state().lanes.is_empty() && engine.recording(0).is_none() && engine.draft().is_none());
+    engine.take(Order::Open(vec![setup("()")]));
+    assert_eq!(engine.state().lanes[0].positions.len(), 625);
+}
+
+#[test]
 fn time_passes_only_while_running_and_at_the_speed_asked_for() {
     let mut engine = engine(&["()"]);
     engine.state();

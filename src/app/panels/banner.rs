@@ -76,7 +76,7 @@ pub fn banner_ui(ui: &Ui, viewport: Rect, session: &mut Session) {
 
 /// What a mesh without a scene is taken for, and the offer to make it cloth; true if that is wanted.
 pub fn offer_ui(ui: &Ui, viewport: Rect, session: &mut Session, busy: bool) -> bool {
-    if session.keeps_defaults || !session.is_bare_mesh() {
+    if session.lane_state().is_none() || session.keeps_defaults || !session.is_bare_mesh() {
         return false;
     }
     let fills = [Color32::from_rgb(30, 46, 70), Color32::from_rgb(218, 232, 250)];

@@ -43,12 +43,11 @@ pub fn status_ui(ui: &mut Ui, session: &Session, busy: Option<&str>, device: &st
                     // While a step lasts nothing else asks for a picture.
                     ui.ctx().request_repaint_after(std::time::Duration::from_millis(500));
                 }
-                if session.is_stuck() {
+                if let Some(name) = opening {
+                    ui.add(egui::Label::new(format!("opening {name}")).truncate());
+                } else if session.is_stuck() {
                     ui.spinner();
                     ui.add(egui::Label::new("a step takes long; Space breaks it off").truncate());
-                } else if let Some(name) = opening {
-                    ui.spinner();
-                    ui.add(egui::Label::new(format!("opening {name}")).truncate());
                 } else if let Some(message) = &session.message {
                     ui.add(egui::Label::new(message).truncate()).on_hover_text(message);
                 }
