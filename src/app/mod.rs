@@ -13,6 +13,7 @@ pub mod geometry;
 pub mod gpu;
 mod graphics;
 pub mod hands;
+pub mod heap;
 mod history;
 mod lane;
 pub mod order;
@@ -85,12 +86,20 @@ pub struct Closed {
     /// Why it closed by itself, in one line, where that was not asked for.
     pub failure: Option<String>,
     simulation: Option<JoinHandle<Engine>>,
+    stop: Arc<AtomicBool>,
 }
 
 impl Closed {
-    /// What was done to the first lane, and where its scene's meshes are. Waits for the step that is under way.
+    /// What was done to the first lane, and where its scene's meshes are. Waits for the step that is under way, but not long.
     pub fn recording(self) -> Option<(Recording, Place)> {
-        self.simulation?.join().ok()?.recording(0)
+        let (simulation, start) = (self.simulation?, Instant::now());
+        while !simulation.is_finished() {
+            if start.elapsed() > Duration::from_secs(1) {
+                self.stop.store(true, Ordering::Relaxed);
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        simulation.join().ok()?.recording(0)
     }
 }
 
@@ -135,11 +144,12 @@ const SOON: Duration = Duration::from_millis(250);
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
 pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Result<Closed, AppError> {
+    heap::share();
     let setups: Vec<LaneSetup> = scenes.into_iter().map(LaneSetup::from).collect();
     let setups = if setups.is_empty() { vec![crate::scene::open("sheet")?.into()] } else { setups };
     let title = setups.first().map_or_else(String::new, |setup| format!("{} - Tenter", setup.title));
     let mut engine = Engine::empty(threads);
-    let state = engine.state();
+    let (state, stop) = (engine.state(), engine.stop());
     // The thread is there before the window: until that opens, nobody needs to be woken.
     let window = Arc::new(OnceLock::<egui::Context>::new());
     let wake = Arc::clone(&window);
@@ -151,7 +161,7 @@ pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Resul
             context.request_repaint();
         }
     })?;
-    let mut closed = Closed { failure: None, simulation: simulation.thread() };
+    let mut closed = Closed { failure: None, simulation: simulation.thread(), stop };
     let end = || {
         if let Some(written) = ending {
             written.end();

@@ -70,7 +70,7 @@ fn window(scenes: &[Opened], common: &Common, record: bool) -> Result<Window, Re
     let close = closer.clone();
     super::run::on_interrupt(move || close.close());
     match crate::app::run(scenes.to_vec(), common.threads.map(|threads| threads as usize), closer) {
-        // The recording waits for the step under way: nobody else has to.
+        // The recording waits for the step under way, if it does not take long: nobody else has to.
         Ok(closed) => Ok(match closed.failure.clone() {
             Some(why) => Window::Failed(why, closed.recording().map(Box::new)),
             None => Window::Closed(if record { closed.recording().map(Box::new) } else { None }),

@@ -80,13 +80,13 @@ pub fn held() -> usize {
     ALL.load(Ordering::Relaxed).unsigned_abs()
 }
 
-/// Gives back to the system what allocators keep free for later: what is still resident then is in use.
+/// Gives back to the system what the heap keeps free for later.
 pub fn trim() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
-        // SAFETY: glibc's, and it may be called at any time.
+        // SAFETY: this is its declaration in malloc.h, and it may be called at any time.
         unsafe extern "C" {
-            safe fn malloc_trim(pad: usize) -> std::ffi::c_int;
+            safe fn malloc_trim(keep: usize) -> std::ffi::c_int;
         }
         malloc_trim(0);
     }

@@ -46,6 +46,27 @@ fn lanes_of_different_dt_reach_the_same_times() {
 }
 
 #[test]
+fn lanes_meet_again_after_one_was_broken_off() {
+    let endless = "(simulator: (id: \"xpbd\", params: {\"substeps\": 100000, \"iterations\": 100000}))";
+    let mut engine = engine(&["()", endless]);
+    let stop = engine.stop();
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(50));
+        stop.store(true, Ordering::Relaxed);
+    });
+    engine.take(Order::Step(3));
+    engine.take(Order::Run(false));
+    let steps = |engine: &mut Engine| engine.state().lanes.iter().map(|lane| lane.steps).collect::<Vec<_>>();
+    assert_eq!(steps(&mut engine), [1, 0]);
+    let (key, value) = ("simulator.id".to_owned(), "\"symplectic_euler\"".to_owned());
+    engine.take(Order::Apply(Some(1), Command::Set { key, value }));
+    engine.take(Order::Step(1));
+    let state = engine.state();
+    assert_eq!(state.lanes[0].steps, 2);
+    assert_eq!(state.lanes[0].positions, state.lanes[1].positions);
+}
+
+#[test]
 fn a_refused_order_changes_nothing_and_is_told() {
     let mut engine = engine(&["()"]);
     engine.take(Order::Apply(None, Command::Set { key: "dt".to_owned(), value: "-1".to_owned() }));
