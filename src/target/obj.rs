@@ -130,7 +130,7 @@ fn corner(word: &[u8], so_far: usize) -> Option<u32> {
         Some(number) => i64::from(number),
         None => std::str::from_utf8(number).ok()?.parse().ok()?,
     };
-    let index = if number < 0 { so_far as i64 + number } else { number - 1 };
+    let index = if number < 0 { so_far.cast_signed() as i64 + number } else { number - 1 };
     Some(u32::try_from(index).unwrap_or(NOWHERE))
 }
 
