@@ -70,7 +70,7 @@ fn main() {
                     world
                 });
                 let particles = world.pinned().len();
-                let (_, freed) = memory::added(|| drop(world));
+                let ((), freed) = memory::added(|| drop(world));
                 (built, -freed, most, particles, springs)
             };
             let (built, held, most, particles, springs) = stepped(true);
