@@ -174,8 +174,8 @@ impl Reference {
                     for (half, to) in halves.into_iter().zip([to[lane], to[lane + 4]]) {
                         // SAFETY: as above, and four numbers stand there.
                         unsafe {
-                            _mm_storeu_ps(self.places.get_unchecked_mut(to as usize).as_mut_ptr(), half)
-                        };
+                            _mm_storeu_ps(self.places.get_unchecked_mut(to as usize).as_mut_ptr(), half);
+                        }
                     }
                 }
             }

@@ -143,7 +143,7 @@ const SOON: Duration = Duration::from_millis(250);
 ///
 /// # Errors
 /// [`AppError`] if no window can be opened or a scene is refused.
-pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: Closer) -> Result<Closed, AppError> {
+pub fn run(scenes: Vec<Opened>, threads: Option<usize>, closer: &Closer) -> Result<Closed, AppError> {
     heap::share();
     let setups: Vec<LaneSetup> = scenes.into_iter().map(LaneSetup::from).collect();
     let setups = if setups.is_empty() { vec![crate::scene::open("sheet")?.into()] } else { setups };

@@ -69,7 +69,7 @@ fn window(scenes: &[Opened], common: &Common, record: bool) -> Result<Window, Re
     let closer = crate::app::Closer::default();
     let close = closer.clone();
     super::run::on_interrupt(move || close.close());
-    match crate::app::run(scenes.to_vec(), common.threads.map(|threads| threads as usize), closer) {
+    match crate::app::run(scenes.to_vec(), common.threads.map(|threads| threads as usize), &closer) {
         // The recording waits for the step under way, if it does not take long: nobody else has to.
         Ok(closed) => Ok(match closed.failure.clone() {
             Some(why) => Window::Failed(why, closed.recording().map(Box::new)),

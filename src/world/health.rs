@@ -91,7 +91,6 @@ struct Motion<'a, T: Real> {
 impl<T: Real> Kernel<T> for Motion<'_, T> {
     type Output = (f64, DVec3);
 
-    #[expect(clippy::inline_always, reason = "a kernel")]
     #[inline(always)]
     fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> (f64, DVec3) {
         const BLOCK: usize = 64;

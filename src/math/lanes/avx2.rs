@@ -251,7 +251,7 @@ fn four(with: V3, vectors: &[glam::DVec3], [a, b, c, d]: [u32; 4]) -> [__m256d; 
 #[inline(always)]
 fn four_in_a_row(with: V3, numbers: &[[f64; 4]; 3]) -> [__m256d; 3] {
     let avx = with.avx;
-    let [a, b, c] = numbers.map(|four| cast::<_, __m256d>(four));
+    let [a, b, c] = numbers.map(cast::<_, __m256d>);
     let p = avx._mm256_blend_pd::<0b1100>(a, b);
     let q = avx._mm256_permute2f128_pd::<0x21>(a, c);
     let r = avx._mm256_blend_pd::<0b1100>(b, c);
