@@ -2,7 +2,7 @@
 //! the same.
 //!
 //! Import stands beside a yardstick, the least that any reader does with the same bytes: of OBJ, splitting the text into words
-//! and parsing each number; of glTF, parsing the JSON, and from its text (`.gltf`) or as they stand (`.glb`) reading each float
+//! and parsing each number, and besides what tobj takes for them; of glTF, parsing the JSON, and from its text (`.gltf`) or as they stand (`.glb`) reading each float
 //! and each index. All that makes cloth of it comes on top: finding the polygons, welding, looking for what is there twice or
 //! crossed, and for glTF bringing the quads back. Candidates take turns, and each keeps its shortest time.
 #![allow(missing_docs, clippy::unwrap_used)]
@@ -119,7 +119,7 @@ fn import(name: &str, bytes: &[u8]) {
 fn imports() {
     println!("import, ms, and how many times its yardstick");
     println!(
-        "vertices | OBJ: numbers, import, ratio | glTF: text, import, ratio | GLB: floats, import, ratio"
+        "vertices | OBJ: numbers, import, ratio | tobj, import, ratio | glTF: text, import, ratio | GLB: floats, import, ratio"
     );
     for side in SIDES {
         let mesh = grid(side, side, 0.01, false);
@@ -130,6 +130,12 @@ fn imports() {
                 &mut || {
                     let numbers = obj.split_ascii_whitespace().filter_map(|word| word.parse::<f64>().ok());
                     black_box(numbers.sum::<f64>());
+                },
+                &mut || import("a.obj", obj.as_bytes()),
+                &mut || {
+                    let options = tobj::LoadOptions::default();
+                    let none = |_: &std::path::Path| Ok(<(Vec<_>, _)>::default());
+                    black_box(tobj::load_obj_buf(&mut obj.as_bytes(), &options, none).unwrap());
                 },
                 &mut || import("a.obj", obj.as_bytes()),
                 &mut || {
@@ -146,7 +152,7 @@ fn imports() {
             ],
         );
         print!("{:8}", mesh.positions.len());
-        for [least, all] in *times.as_chunks::<2>().0.as_array::<3>().unwrap() {
+        for [least, all] in *times.as_chunks::<2>().0.as_array::<4>().unwrap() {
             print!(" | {:7.1} {:7.1} {:6.2}", 1e3 * least, 1e3 * all, all / least);
         }
         println!();

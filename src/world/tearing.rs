@@ -157,7 +157,9 @@ mod tests {
             let all: Vec<usize> = (0..springs.len()).filter(too_long).collect();
             assert_eq!(torn, all, "step {step}");
             found += torn.len();
-            problem.remove_springs(&torn);
+            if !torn.is_empty() {
+                problem.remove_springs(&torn);
+            }
         }
         assert!(found > 10 && found < topology.pairs.concat().len(), "{found}");
         assert!(looks < 300, "springs were looked at in {looks} of 400 steps");
