@@ -12,7 +12,7 @@
 //! touch, eight at a time, which the processor works on at once: the faster order.
 //!
 //! It solves another model than the springs: stiffness and spring damping are ignored, and how stiff the cloth looks is
-//! a matter of dt and sweeps. Any dt stays bounded. A sweep costs about one force evaluation.
+//! a matter of dt and sweeps. Any dt stays bounded. A coloured sweep costs about two force evaluations.
 
 use super::inertia::velocities_of_the_way;
 use super::sweep::Sweep;
