@@ -1,7 +1,7 @@
 //! Nanoseconds per spring visit of every method beside the machine's bounds and hand-written kernels, all in one run.
 //!
 //! `cargo bench --no-default-features --bench kernels`: explicit steps in every size, order of numbering, precision and
-//! number of threads. `-- sweeps`: relaxation and XPBD; `-- methods`: every method in both precisions; `-- around`: what watching
+//! number of threads. `-- sweeps`: relaxation and XPBD; `-- implicit`: the parts of implicit steps; `-- methods`: every method in both precisions; `-- around`: what watching
 //! and tearing add to a step, building, measuring, and the limit of stability; with `large`, 1000² particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits all of
 //! them alike.
 #![allow(missing_docs, clippy::unwrap_used)]
@@ -13,6 +13,7 @@ use reference::Reference;
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 use tenter::forces::{Cost, Problem, SpringSet};
+use tenter::math::Vector as _;
 use tenter::model::{Particles, Topology};
 use tenter::scene::{GridTarget, Pin, Pins, Place, Precision, Scene, Target};
 use tenter::simulators::{self, Build, SimulatorSettings};
@@ -320,6 +321,92 @@ fn sweeps(sides: &[u32]) {
     }
 }
 
+/// The parts of an implicit step: one iteration of conjugate gradients, as what sixty more take; all else in it, of which building
+/// the matrix is the most; an iteration of projective dynamics, and of it the solve alone.
+fn implicit(sides: &[u32]) {
+    println!(
+        "ns per spring: building the matrix and the rest of a step; an iteration of conjugate gradients"
+    );
+    println!(
+        "projective dynamics: factorising, ms; an iteration, ms; of it the solve; vertex block descent, ns per spring and sweep"
+    );
+    for &side in sides {
+        for (name, threads) in
+            [("Single", 1), ("Single, 2 threads", 2), ("Double", 1), ("Double, 2 threads", 2)]
+        {
+            let of = |set: &[(&str, &str)]| {
+                if name.starts_with("Single") {
+                    one_step::<f32>(side, set, threads)
+                } else {
+                    one_step::<f64>(side, set, threads)
+                }
+            };
+            let newton = |iterations| {
+                of(&[
+                    ("simulator.id", "implicit_euler"),
+                    ("simulator.params.newton_steps", "1"),
+                    ("simulator.params.tolerance", "1e-14"),
+                    ("simulator.params.iterations", iterations),
+                ])
+            };
+            let projective = |iterations| {
+                of(&[("simulator.id", "projective_dynamics"), ("simulator.params.iterations", iterations)])
+            };
+            let descent =
+                |iterations| of(&[("simulator.id", "vbd"), ("simulator.params.iterations", iterations)]);
+            let mut candidates: Vec<Candidate> = vec![
+                ("few".into(), newton("2")),
+                ("many".into(), newton("62")),
+                ("one sweep".into(), descent("1")),
+                ("more".into(), descent("11")),
+            ];
+            // A factor of 1000² takes gigabytes.
+            if side < 1000 {
+                candidates.extend([("one".into(), projective("1")), ("more".into(), projective("11"))]);
+            }
+            let best = race(&mut candidates, 1.0);
+            let iteration = (best[1] - best[0]) / 60.0;
+            print!("{side:4}² {name:18} {:6.2} {iteration:6.2}", best[0] - 2.0 * iteration);
+            print!(" | vbd {:6.2}", (best[3] - best[2]) / 10.0);
+            if let [.., one, more] = best[4..] {
+                let springs = Reference::new(side).springs() as f64;
+                print!(" | projective {:8.3}", (more - one) / 10.0 * springs * 1e-6);
+            }
+            println!();
+        }
+    }
+}
+
+/// The same step over and over from a crumpled sheet, by the method alone, at a dt so long that conjugate gradients have work.
+fn one_step<T: Build>(side: u32, set: &[(&str, &str)], threads: usize) -> Box<dyn FnMut() -> u64> {
+    let mesh = grid(side, side, 1.0, false);
+    let mut scene = Scene { dt: 1.0, ..scene(side, "implicit_euler", Precision::Double) };
+    for (key, value) in set {
+        scene.set_key(key, value).expect("a setting");
+    }
+    let rest: Vec<T::Vec3> = mesh.positions.iter().map(|p| T::Vec3::from_f64(*p)).collect();
+    let topology = Topology::of(&mesh);
+    let springs =
+        SpringSet { topology: &topology, rest_positions: &rest, params: &scene.springs, broken: &[] };
+    let mut problem = Problem::new(vec![T::ONE; rest.len()], &springs);
+    problem.gravity = scene.gravity.acceleration();
+    problem.air_damping = T::from_f64(scene.air_damping);
+    (problem.inverse_mass[0], problem.inverse_mass[side as usize - 1]) = (T::ZERO, T::ZERO);
+    problem.threads = threads;
+    let crumpled = mesh.positions.iter().map(|p| T::Vec3::from_f64(*p + crumple(*p) * 10.0));
+    let start = Particles::at_rest(crumpled.collect());
+    let (mut state, mut stepper) = (start.clone(), T::build(&scene.simulator).expect("a method"));
+    let (dt, springs) = (T::from_f64(scene.dt), problem.springs.len() as u64);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    Box::new(move || {
+        pool.install(|| {
+            state.clone_from(&start);
+            stepper.step(&problem, &mut state, dt, &mut Cost::default());
+        });
+        springs
+    })
+}
+
 /// What surrounds a step: from a scene to a world, and telling what became of it.
 fn around(sides: &[u32]) {
     println!("Single, one thread, ms: a grid built; its measures");
@@ -382,6 +469,8 @@ fn main() {
         methods(sides);
     } else if asked("sweeps") {
         sweeps(sides);
+    } else if asked("implicit") {
+        implicit(sides);
     } else if asked("around") {
         overheads(sides);
         around(sides);

@@ -10,4 +10,5 @@ pub mod springs;
 pub mod wind;
 
 pub use problem::{Cost, Problem, SpringSet};
+pub use sliced::{BLOCK as PRODUCT_BLOCK, Linear};
 pub use spectrum::{Mode, Spectrum};

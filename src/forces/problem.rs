@@ -2,14 +2,15 @@
 
 use super::gravity;
 use super::pull::{self, Pull};
-use super::sliced::{Before, Outside, Slices, Surroundings, Window};
+use super::sliced::{Before, Linear, Means, Outside, Slices, Step, Surroundings, Window};
 use super::springs::SpringParams;
 use super::wind::Wind;
+use crate::math::lanes::LANES;
 use crate::math::{Real, Vector};
 use crate::model::{Incidence, Numbering, Particles, Springs, Topology};
 use glam::DVec3;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Revisions are numbered through the whole program; 0 is nobody's.
 fn next_revision() -> u64 {
@@ -217,17 +218,55 @@ impl<T: Real> Problem<T> {
     ) {
         cost.force_evaluations += 1;
         cost.spring_visits += self.springs.len() as u64;
-        let slices = self.slices.get_or_init(|| Slices::new(self.particles(), &self.springs));
-        // Whoever held them may have panicked: they are scratch all the same.
-        let mut windows = self.windows.lock().unwrap_or_else(PoisonError::into_inner);
-        let threads = if self.parallel() { self.threads } else { 1 };
-        slices.forces(&self.springs, self.spring_damping, state, &mut windows, force, threads, outside);
+        let threads = self.useful_threads();
+        let windows = &mut self.windows();
+        self.slices().forces(&self.springs, self.spring_damping, state, windows, force, threads, outside);
+    }
+
+    fn slices(&self) -> &Slices<T> {
+        self.slices.get_or_init(|| Slices::new(self.particles(), &self.springs))
+    }
+
+    /// Scratch: whoever held it may have panicked, which does no harm.
+    fn windows(&self) -> MutexGuard<'_, Vec<Window<T>>> {
+        self.windows.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Makes the springs linear for an implicit step of `h` (s), at these positions (m).
+    pub fn linearise(&self, positions: &[T::Vec3], h: T, linear: &mut Linear<T>) {
+        let step = Step { springs: &self.springs, damping: self.spring_damping, positions, h };
+        self.slices().linearise(step, linear, self.useful_threads());
+    }
+
+    /// Writes (M + springs) `from` over `image`, M the masses given (kg), and the scalar products of both over `products`: one for
+    /// each block of [`PRODUCT_BLOCK`](super::PRODUCT_BLOCK) particles, lane by lane. Vectors stand in eights, by component.
+    pub fn multiply(
+        &self,
+        linear: &Linear<T>,
+        mass: &[T],
+        from: &[[[T; LANES]; 3]],
+        image: &mut [[[T; LANES]; 3]],
+        products: &mut [[T; LANES]],
+    ) {
+        let means = Means { windows: &mut self.windows(), threads: self.useful_threads() };
+        self.slices().multiply(linear, mass, from, image, products, means);
+    }
+
+    /// Writes the blocks that particles have with themselves in M + springs over these: xx, yy, zz and xy, xz, yz.
+    pub fn own_blocks(&self, linear: &Linear<T>, mass: &[T], blocks: [&mut [[[T; LANES]; 3]]; 2]) {
+        let means = Means { windows: &mut self.windows(), threads: self.useful_threads() };
+        self.slices().own_blocks(linear, mass, blocks, means);
     }
 
     /// Whether the step under way is to be broken off, wherever it is: whoever asked for it will not use what it leaves. A
     /// method looks between iterations of which there can be many.
     pub fn is_stopped(&self) -> bool {
         self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
+
+    /// How many threads are worth using.
+    pub fn useful_threads(&self) -> usize {
+        if self.parallel() { self.threads } else { 1 }
     }
 
     /// Whether several threads are at hand and the cloth is large enough to share among them.

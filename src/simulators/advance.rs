@@ -2,9 +2,8 @@
 
 use crate::forces::Problem;
 use crate::math::Real;
-use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
 use crate::model::Particles;
-use rayon::prelude::*;
 
 /// v += dt f / m, then x += dt v with the new velocity.
 pub(super) fn kick_and_drift<T: Real>(
@@ -32,18 +31,10 @@ fn advance<T: Real, const KICK_FIRST: bool>(
     force: &[T::Vec3],
     dt: T,
 ) {
-    let (positions, velocities) = (&mut state.positions[..], &mut state.velocities[..]);
-    let inverse_mass = &problem.inverse_mass[..];
-    if problem.parallel() {
-        let task = force.len().div_ceil(problem.threads).next_multiple_of(LANES);
-        let particles = positions.par_chunks_mut(task).zip(velocities.par_chunks_mut(task));
-        let pushes = force.par_chunks(task).zip(inverse_mass.par_chunks(task));
-        particles.zip(pushes).for_each(|((positions, velocities), (force, inverse_mass))| {
-            lanes::run(Advance::<T, KICK_FIRST> { positions, velocities, force, inverse_mass, dt });
-        });
-    } else {
-        lanes::run(Advance::<T, KICK_FIRST> { positions, velocities, force, inverse_mass, dt });
-    }
+    let Particles { positions, velocities, .. } = state;
+    let inverse_mass = &problem.inverse_mass;
+    let kernel = Advance::<T, KICK_FIRST> { positions, velocities, force, inverse_mass, dt };
+    lanes::share(kernel, LANES, problem.useful_threads());
 }
 
 struct Advance<'a, T: Real, const KICK_FIRST: bool> {
@@ -52,6 +43,30 @@ struct Advance<'a, T: Real, const KICK_FIRST: bool> {
     force: &'a [T::Vec3],
     inverse_mass: &'a [T],
     dt: T,
+}
+
+impl<T: Real, const KICK_FIRST: bool> Parts for Advance<'_, T, KICK_FIRST> {
+    fn count(&self) -> usize {
+        self.force.len()
+    }
+
+    fn split_at(self, at: usize) -> (Self, Self) {
+        let Self { positions, velocities, force, inverse_mass, dt } = self;
+        let (positions, more_positions) = positions.split_at_mut(at);
+        let (velocities, more_velocities) = velocities.split_at_mut(at);
+        let (force, more_force) = force.split_at(at);
+        let (inverse_mass, more_mass) = inverse_mass.split_at(at);
+        (
+            Self { positions, velocities, force, inverse_mass, dt },
+            Self {
+                positions: more_positions,
+                velocities: more_velocities,
+                force: more_force,
+                inverse_mass: more_mass,
+                dt,
+            },
+        )
+    }
 }
 
 impl<T: Real, const KICK_FIRST: bool> Kernel<T> for Advance<'_, T, KICK_FIRST> {

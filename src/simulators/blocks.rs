@@ -1,5 +1,11 @@
 //! Symmetric 3x3 blocks: the stiffness of a spring, and the equations of one particle.
 
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled without the instructions of the function that calls it"
+)]
+
+use crate::math::lanes::Lanes;
 use crate::math::{Real, Vector};
 
 /// A symmetric 3x3 matrix.
@@ -88,6 +94,40 @@ impl<T: Real> Block<T> {
     }
 }
 
+/// Products of eight blocks, given as xx, yy, zz and xy, xz, yz, with vectors.
+#[inline(always)]
+pub(super) fn times<L: Lanes>([xx, yy, zz]: [L; 3], [xy, xz, yz]: [L; 3], [x, y, z]: [L; 3]) -> [L; 3] {
+    [xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z]
+}
+
+/// The inverses of eight positive semidefinite blocks, given as xx, yy, zz and xy, xz, yz, by L D Lᵀ. Pivots that rounding has
+/// eaten are lifted to its size, so that the answer is positive definite and finite whatever was put in, as long as that was
+/// finite; of a block of trace 0 it is 0.
+#[inline(always)]
+pub(super) fn inverse<T: Real, L: Lanes<Scalar = T>>(
+    with: L::Proof,
+    [xx, yy, zz]: [L; 3],
+    off: [L; 3],
+) -> ([L; 3], [L; 3]) {
+    let (one, least) = (L::splat(with, T::ONE), L::splat(with, T::EPSILON));
+    let size = xx + yy + zz;
+    let scale = (one / size).where_positive(size);
+    let [a, b, c] = [xx * scale, yy * scale, zz * scale];
+    let [ab, ac, bc] = [off[0] * scale, off[1] * scale, off[2] * scale];
+    let d1 = a.max(least);
+    let (l21, l31) = (ab / d1, ac / d1);
+    let d2 = (b - l21 * ab).max(least);
+    let l32 = (bc - l31 * ab) / d2;
+    let d3 = (c - l31 * ac - l32 * l32 * d2).max(least);
+    // The inverse of L is lower triangular too: -l21, -l32 and m31.
+    let m31 = l21 * l32 - l31;
+    let [i1, i2, i3] = [scale / d1, scale / d2, scale / d3];
+    (
+        [i1 + l21 * l21 * i2 + m31 * m31 * i3, i2 + l32 * l32 * i3, i3],
+        [-(l21 * i2) - m31 * l32 * i3, m31 * i3, -(l32 * i3)],
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,5 +147,30 @@ mod tests {
         let block = Block::<f32>::of_spring(glam::Vec3::new(1.0, 1.0, 1.0), 1.0e9, 1e12).scaled(1.0, 1e-3);
         let answer = block.inverse().times(glam::Vec3::new(1.0, -2.0, 3.0));
         assert!(answer.is_finite());
+    }
+
+    #[test]
+    fn eight_side_by_side_are_what_each_is_alone() {
+        use crate::math::lanes::{LANES, Plain};
+        let block = |lane: usize| {
+            let d = DVec3::new(lane as f64 - 3.0, 0.3, 1.0);
+            let mut block = Block::<f64>::of_spring(d, 0.5, 300.0);
+            block.add(&Block::scaled_identity(if lane == 4 { -300.0 } else { 0.5 }));
+            block
+        };
+        let lanes = |number: &dyn Fn(Block<f64>) -> f64| {
+            Plain::of((), std::array::from_fn::<_, LANES, _>(|lane| number(block(lane))))
+        };
+        let diagonal = [0, 1, 2].map(|c| lanes(&|block| block.diagonal[c]));
+        let off = [0, 1, 2].map(|c| lanes(&|block| block.off[c]));
+        let (inverse, inverse_off) = inverse::<f64, Plain<f64>>((), diagonal, off);
+        let product = times(diagonal, off, inverse);
+        for lane in 0..LANES {
+            let alone = block(lane).inverse();
+            assert_eq!(inverse.map(|number| number.to_array()[lane]), alone.diagonal);
+            assert_eq!(inverse_off.map(|number| number.to_array()[lane]), alone.off);
+            let vector = block(lane).times(DVec3::from_array(alone.diagonal));
+            assert_eq!(product.map(|number| number.to_array()[lane]), vector.to_array());
+        }
     }
 }

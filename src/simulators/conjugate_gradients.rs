@@ -1,20 +1,53 @@
 //! Preconditioned conjugate gradients for a symmetric positive definite system of 3x3 blocks (Hestenes and Stiefel, "Methods
 //! of conjugate gradients for solving linear systems", 1952), with the inverses of the diagonal blocks as preconditioner.
 //!
-//! Scalar products are added up in double precision and in the order of the particles, whatever the number of threads.
+//! Vectors stand in eights, by component. Scalar products are added up lane by lane within blocks of particles, then in double
+//! precision and in the order of the blocks, whatever the number of threads.
 
-use super::blocks::Block;
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled without the instructions of the function that calls it"
+)]
+
+use super::blocks;
+use crate::forces::PRODUCT_BLOCK;
+use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
 use crate::math::{Real, Vector};
 
+/// A vector of each particle, by component in eights, the last ones 0.
+pub(super) type Eights<T> = Vec<[[T; LANES]; 3]>;
+
+/// Eights in a block of particles.
+const BLOCK: usize = PRODUCT_BLOCK / LANES;
+
 /// The vectors that the iteration works on.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct ConjugateGradients<T: Real> {
-    /// Inverses of the diagonal blocks, filled in by the caller; zero for a particle whose unknown is fixed at 0.
-    pub preconditioner: Vec<Block<T>>,
+    /// The diagonal blocks, filled in by the caller: xx, yy, zz and xy, xz, yz.
+    pub own: [Eights<T>; 2],
+    /// Their inverses; zero for a particle whose unknown is fixed at 0.
+    inverse: [Eights<T>; 2],
+    solution: Eights<T>,
     /// What remains of the right-hand side.
-    residual: Vec<T::Vec3>,
-    direction: Vec<T::Vec3>,
-    image: Vec<T::Vec3>,
+    residual: Eights<T>,
+    direction: Eights<T>,
+    image: Eights<T>,
+    /// Parts of a scalar product, one a block of particles.
+    products: Vec<[T; LANES]>,
+}
+
+impl<T: Real> Default for ConjugateGradients<T> {
+    fn default() -> Self {
+        Self {
+            own: <_>::default(),
+            inverse: <_>::default(),
+            solution: Vec::new(),
+            residual: Vec::new(),
+            direction: Vec::new(),
+            image: Vec::new(),
+            products: Vec::new(),
+        }
+    }
 }
 
 /// When a solve may end. Residuals are parts of the right-hand side, in the norm of the preconditioner.
@@ -25,7 +58,7 @@ pub(super) struct Enough<F, S> {
     pub iterations: u32,
     /// or with this residual already,
     pub loose: f64,
-    /// where the solution so far is far off anyway;
+    /// where the longest vector of the solution so far is far off anyway, given its square;
     pub far_off: F,
     /// or where nobody waits for it any more.
     pub stopped: S,
@@ -43,61 +76,287 @@ pub(super) struct Solved {
 }
 
 impl<T: Real> ConjugateGradients<T> {
-    /// Solves for `x` from 0; `multiply` writes the product of the matrix with its first argument over its second.
+    /// Makes room for so many particles.
+    pub fn hold(&mut self, particles: usize) {
+        let none = [[T::ZERO; LANES]; 3];
+        let Self { own, inverse, solution, residual, direction, image, products } = self;
+        for vector in own.iter_mut().chain(inverse).chain([solution, residual, direction, image]) {
+            vector.resize(particles.div_ceil(LANES), none);
+        }
+        products.resize(particles.div_ceil(PRODUCT_BLOCK), [T::ZERO; LANES]);
+    }
+
+    /// Inverts the diagonal blocks, where the inverse masses given are not 0.
+    pub fn precondition(&mut self, inverse_mass: &[T], threads: usize) {
+        let ([own, own_off], [to, to_off]) = (&self.own, &mut self.inverse);
+        let kernel = Invert { own: [own, own_off], to: [to, to_off], free: inverse_mass };
+        lanes::share(kernel, BLOCK, threads);
+    }
+
+    /// Solves for `x` from 0; `multiply` writes the product of the matrix with its first argument over its second, and the
+    /// scalar products of both over the third, lane by lane for each block of [`PRODUCT_BLOCK`] particles.
     pub fn solve(
         &mut self,
         right: &[T::Vec3],
         x: &mut Vec<T::Vec3>,
-        enough: &Enough<impl Fn(&[T::Vec3]) -> bool, impl Fn() -> bool>,
-        multiply: impl Fn(&[T::Vec3], &mut [T::Vec3]),
+        enough: &Enough<impl Fn(f64) -> bool, impl Fn() -> bool>,
+        multiply: impl Fn(&[[[T; LANES]; 3]], &mut [[[T; LANES]; 3]], &mut [[T; LANES]]),
+        threads: usize,
     ) -> Solved {
-        let Self { preconditioner, residual, direction, image } = self;
-        x.clear();
-        x.resize(right.len(), T::Vec3::ZERO);
-        image.resize(right.len(), T::Vec3::ZERO);
-        residual.clear();
-        residual.extend_from_slice(right);
-        direction.clear();
-        direction.extend(preconditioner.iter().zip(&*residual).map(|(p, &r)| p.times(r)));
-
-        let start = dot::<T>(direction, residual);
+        for (eight, vectors) in self.residual.iter_mut().zip(right.chunks(LANES)) {
+            for (lane, v) in vectors.iter().enumerate() {
+                v.to_array().into_iter().zip(&mut *eight).for_each(|(v, to)| to[lane] = v);
+            }
+        }
+        self.solution.fill([[T::ZERO; LANES]; 3]);
+        self.direction.fill([[T::ZERO; LANES]; 3]);
+        self.image.fill([[T::ZERO; LANES]; 3]);
+        // No way along no direction, only to have the preconditioned residual.
+        let start = self.advance(T::ZERO, threads);
         let mut size = start;
+        self.turn(T::ZERO, threads);
         let (mut iterations, mut loosely) = (0, false);
         let [tight, loose] = [enough.residual, enough.loose].map(|part| part * part * start);
         // Also ends where nothing is to be done, and where numbers are no longer finite.
         while size > tight && size.is_finite() && iterations < enough.iterations && !(enough.stopped)() {
-            if size <= loose && (enough.far_off)(x) {
+            if size <= loose && (enough.far_off)(longest_square(&self.solution)) {
                 loosely = true;
                 break;
             }
-            multiply(direction, image);
+            multiply(&self.direction, &mut self.image, &mut self.products);
             iterations += 1;
-            let curvature = dot::<T>(direction, image);
+            let curvature = sum(&self.products);
             if curvature <= 0.0 {
                 break;
             }
-            let stride = T::from_f64(size / curvature);
-            for (((x, r), &d), &i) in x.iter_mut().zip(&mut *residual).zip(&*direction).zip(&*image) {
-                *x += d * stride;
-                *r -= i * stride;
-            }
-            // The image is no longer needed: it takes the preconditioned residual.
             let before = size;
-            size = 0.0;
-            for ((z, p), &r) in image.iter_mut().zip(&*preconditioner).zip(&*residual) {
-                *z = p.times(r);
-                size += z.dot(r).to_f64();
-            }
-            let keep = T::from_f64(size / before);
-            for (d, &z) in direction.iter_mut().zip(&*image) {
-                *d = z + *d * keep;
-            }
+            size = self.advance(T::from_f64(size / curvature), threads);
+            self.turn(T::from_f64(size / before), threads);
         }
+        x.clear();
+        let vectors = self.solution.iter().flat_map(|[x, y, z]| {
+            (0..LANES).map(move |lane| T::Vec3::from_array([x[lane], y[lane], z[lane]]))
+        });
+        x.extend(vectors.take(right.len()));
         Solved { iterations, loosely, residual: if start > 0.0 { (size / start).sqrt() } else { start } }
+    }
+
+    /// Goes a stride in the direction. The image is no longer needed then: it takes the preconditioned residual. Answers with
+    /// the square of the residual's norm.
+    fn advance(&mut self, stride: T, threads: usize) -> f64 {
+        let Self { inverse: [diagonal, off], solution: x, residual, direction, image, products, .. } = self;
+        let inverse = [&diagonal[..], off];
+        lanes::share(Advance { stride, x, residual, image, products, direction, inverse }, BLOCK, threads);
+        sum(&self.products)
+    }
+
+    /// Turns to the preconditioned residual, of the direction before keeping a part.
+    fn turn(&mut self, keep: T, threads: usize) {
+        let Self { direction, image, .. } = self;
+        lanes::share(Turn { keep, direction, image }, BLOCK, threads);
     }
 }
 
-/// Scalar product.
-pub(super) fn dot<T: Real>(a: &[T::Vec3], b: &[T::Vec3]) -> f64 {
-    a.iter().zip(b).map(|(a, &b)| a.dot(b).to_f64()).sum()
+/// The sum of parts of a scalar product.
+fn sum<T: Real>(products: &[[T; LANES]]) -> f64 {
+    products.as_flattened().iter().map(|part| part.to_f64()).sum()
+}
+
+/// The square of the longest vector.
+fn longest_square<T: Real>(vectors: &Eights<T>) -> f64 {
+    struct Longest<'a, T>(&'a [[[T; LANES]; 3]]);
+    impl<T: Real> Kernel<T> for Longest<'_, T> {
+        type Output = [T; LANES];
+
+        #[inline(always)]
+        fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> [T; LANES] {
+            let mut longest = L::splat(with, T::ZERO);
+            for eight in self.0 {
+                let v = load::<T, L>(with, eight);
+                longest = dot(v, v).max(longest);
+            }
+            longest.to_array()
+        }
+    }
+    lanes::run(Longest(vectors)).into_iter().map(T::to_f64).fold(0.0, f64::max)
+}
+
+#[inline(always)]
+fn load<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, [x, y, z]: &[[T; LANES]; 3]) -> [L; 3] {
+    [L::of(with, *x), L::of(with, *y), L::of(with, *z)]
+}
+
+#[inline(always)]
+fn store<L: Lanes>([x, y, z]: [L; 3]) -> [[L::Scalar; LANES]; 3] {
+    [x.to_array(), y.to_array(), z.to_array()]
+}
+
+#[inline(always)]
+fn add<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline(always)]
+fn subtract<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn scale<L: Lanes>([x, y, z]: [L; 3], factor: L) -> [L; 3] {
+    [x * factor, y * factor, z * factor]
+}
+
+#[inline(always)]
+fn where_positive<L: Lanes>([x, y, z]: [L; 3], of: L) -> [L; 3] {
+    [x.where_positive(of), y.where_positive(of), z.where_positive(of)]
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// x += stride d, r -= stride A d, z = P r over A d, and r · z.
+struct Advance<'a, T> {
+    stride: T,
+    x: &'a mut [[[T; LANES]; 3]],
+    residual: &'a mut [[[T; LANES]; 3]],
+    image: &'a mut [[[T; LANES]; 3]],
+    products: &'a mut [[T; LANES]],
+    direction: &'a [[[T; LANES]; 3]],
+    /// P.
+    inverse: [&'a [[[T; LANES]; 3]]; 2],
+}
+
+impl<T: Real> Parts for Advance<'_, T> {
+    fn count(&self) -> usize {
+        self.x.len()
+    }
+
+    fn split_at(self, at: usize) -> (Self, Self) {
+        let Self { stride, x, residual, image, products, direction, inverse } = self;
+        let [(x, more_x), (residual, more_residual), (image, more_image)] =
+            [x, residual, image].map(|vectors| vectors.split_at_mut(at));
+        let (products, more_products) = products.split_at_mut(at / BLOCK);
+        let (direction, more_direction) = direction.split_at(at);
+        let [(diagonal, more_diagonal), (off, more_off)] = inverse.map(|blocks| blocks.split_at(at));
+        (
+            Self { stride, x, residual, image, products, direction, inverse: [diagonal, off] },
+            Self {
+                stride,
+                x: more_x,
+                residual: more_residual,
+                image: more_image,
+                products: more_products,
+                direction: more_direction,
+                inverse: [more_diagonal, more_off],
+            },
+        )
+    }
+}
+
+impl<T: Real> Kernel<T> for Advance<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) {
+        let stride = L::splat(with, self.stride);
+        let blocks = self.x.chunks_mut(BLOCK).zip(self.residual.chunks_mut(BLOCK));
+        let blocks = blocks.zip(self.image.chunks_mut(BLOCK).zip(self.products));
+        let inverse = self.inverse[0].chunks(BLOCK).zip(self.inverse[1].chunks(BLOCK));
+        let blocks = blocks.zip(self.direction.chunks(BLOCK).zip(inverse));
+        for (((x, residual), (image, product)), (direction, (diagonal, off))) in blocks {
+            let mut square = L::splat(with, T::ZERO);
+            let particles = x.iter_mut().zip(residual).zip(image);
+            for (((x, residual), image), (d, (diagonal, off))) in
+                particles.zip(direction.iter().zip(diagonal.iter().zip(off)))
+            {
+                let (d, i) = (load::<T, L>(with, d), load::<T, L>(with, image));
+                let (old, r) = (load::<T, L>(with, x), load::<T, L>(with, residual));
+                *x = store(add(old, scale(d, stride)));
+                let r = subtract(r, scale(i, stride));
+                *residual = store(r);
+                let z = blocks::times(load(with, diagonal), load(with, off), r);
+                *image = store(z);
+                square = square + dot(z, r);
+            }
+            *product = square.to_array();
+        }
+    }
+}
+
+/// d = z + keep d.
+struct Turn<'a, T> {
+    keep: T,
+    direction: &'a mut [[[T; LANES]; 3]],
+    image: &'a [[[T; LANES]; 3]],
+}
+
+impl<T: Real> Parts for Turn<'_, T> {
+    fn count(&self) -> usize {
+        self.image.len()
+    }
+
+    fn split_at(self, at: usize) -> (Self, Self) {
+        let Self { keep, direction, image } = self;
+        let (direction, more) = direction.split_at_mut(at);
+        let (image, rest) = image.split_at(at);
+        (Self { keep, direction, image }, Self { keep, direction: more, image: rest })
+    }
+}
+
+impl<T: Real> Kernel<T> for Turn<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) {
+        let keep = L::splat(with, self.keep);
+        for (direction, z) in self.direction.iter_mut().zip(self.image) {
+            let (d, z) = (load::<T, L>(with, direction), load::<T, L>(with, z));
+            *direction = store(add(z, scale(d, keep)));
+        }
+    }
+}
+
+/// The inverses of blocks.
+struct Invert<'a, T> {
+    own: [&'a [[[T; LANES]; 3]]; 2],
+    to: [&'a mut [[[T; LANES]; 3]]; 2],
+    /// Above 0 where there is an unknown.
+    free: &'a [T],
+}
+
+impl<T: Real> Parts for Invert<'_, T> {
+    fn count(&self) -> usize {
+        self.own[0].len()
+    }
+
+    fn split_at(self, at: usize) -> (Self, Self) {
+        let Self { own, to, free } = self;
+        let [(own, more_own), (own_off, more_own_off)] = own.map(|blocks| blocks.split_at(at));
+        let [(to, more_to), (to_off, more_to_off)] = to.map(|blocks| blocks.split_at_mut(at));
+        let (free, more) = free.split_at(at * LANES);
+        (
+            Self { own: [own, own_off], to: [to, to_off], free },
+            Self { own: [more_own, more_own_off], to: [more_to, more_to_off], free: more },
+        )
+    }
+}
+
+impl<T: Real> Kernel<T> for Invert<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) {
+        let ([own, own_off], [to, to_off]) = (self.own, self.to);
+        let (own, to) = (own.iter().zip(own_off), to.iter_mut().zip(to_off));
+        for (((diagonal, off), (to_diagonal, to_off)), free) in own.zip(to).zip(self.free.chunks(LANES)) {
+            let mut some = [T::ZERO; LANES];
+            some[..free.len()].copy_from_slice(free);
+            let some = L::of(with, some);
+            let (diagonal, off) = blocks::inverse::<T, L>(with, load(with, diagonal), load(with, off));
+            *to_diagonal = store(where_positive(diagonal, some));
+            *to_off = store(where_positive(off, some));
+        }
+    }
 }

@@ -9,13 +9,11 @@
 //! Far from the solution a system is solved no better than its step is worth (Eisenstat and Walker, "Choosing the forcing terms in
 //! an inexact Newton method", 1996); to the tolerance only where the correction is below it, which makes that step the last.
 
-use super::blocks::Block;
-use super::conjugate_gradients::{ConjugateGradients, Enough, dot};
+use super::conjugate_gradients::{ConjugateGradients, Enough};
 use super::inertia::Inertia;
-use crate::forces::{Cost, Problem};
+use crate::forces::{Cost, Linear, Problem};
 use crate::math::{Real, Vector};
 use crate::model::Particles;
-use rayon::prelude::*;
 
 /// How far a linear system is solved at least, as a part of its right-hand side.
 const LOOSE: f64 = 0.1;
@@ -68,10 +66,8 @@ pub struct Newton<T: Real> {
     residual: Vec<T::Vec3>,
     /// δv, m/s.
     change: Vec<T::Vec3>,
-    /// h D + h² K of each spring, kg.
-    springs: Vec<Block<T>>,
-    /// The whole of the matrix that a particle has with itself, kg.
-    own: Vec<Block<T>>,
+    /// h D + h² K of each spring.
+    springs: Linear<T>,
     /// Mean rest length, m, of the problem of a revision.
     mean_rest: f64,
     revision: u64,
@@ -101,27 +97,25 @@ impl<T: Real> Newton<T> {
                 return false;
             }
             self.assemble(problem, state, h);
-            let Self { gradients, residual, change, springs, own, inertia, .. } = self;
-            let multiply =
-                |from: &[T::Vec3], to: &mut [T::Vec3]| multiply(problem, springs, own, inertia, from, to);
-            let correction = |change: &[T::Vec3]| {
-                let (farthest, square) = longest::<T>(change);
-                (farthest, square.sqrt() * h.to_f64() / smallest)
-            };
+            let Self { gradients, residual, change, springs, inertia, .. } = self;
+            let correction = |square: f64| square.sqrt() * h.to_f64() / smallest;
             let enough = Enough {
                 residual: accuracy.tolerance,
                 iterations: accuracy.iterations,
                 loose: if single { 0.0 } else { loose },
-                far_off: |change: &[T::Vec3]| correction(change).1 > 1.0,
+                far_off: |square| correction(square) > 1.0,
                 stopped: || problem.is_stopped(),
             };
-            let solved = gradients.solve(residual, change, &enough, multiply);
+            let multiply = |from: &[_], to: &mut [_], products: &mut [_]| {
+                problem.multiply(springs, &inertia.mass, from, to, products);
+            };
+            let solved = gradients.solve(residual, change, &enough, multiply, problem.useful_threads());
             cost.solver_iterations += u64::from(solved.iterations);
             // The matrix is built from all springs, and every iteration goes over them again.
             cost.spring_visits += (1 + u64::from(solved.iterations)) * problem.springs.len() as u64;
             let linear = if solved.loosely { 0.0 } else { solved.residual / accuracy.tolerance };
-            let (farthest, correction) = correction(change);
-            (left, worst) = (if single { linear } else { linear.max(correction) }, farthest);
+            let (farthest, square) = longest::<T>(change);
+            (left, worst) = (if single { linear } else { linear.max(correction(square)) }, farthest);
             if left <= 1.0 || single {
                 self.go(state, h, T::ONE);
                 break;
@@ -186,27 +180,14 @@ impl<T: Real> Newton<T> {
         }
     }
 
-    /// The blocks of the matrix in the current shape.
+    /// The matrix in the current shape.
     fn assemble(&mut self, problem: &Problem<T>, state: &Particles<T>, h: T) {
-        let damping = h * problem.spring_damping;
-        self.own.clear();
-        self.own.extend(self.inertia.mass.iter().map(|&m| Block::scaled_identity(m)));
-        self.springs.clear();
-        for group in &problem.springs.groups {
-            for s in group.range.clone() {
-                let [i, j] = problem.springs.pairs[s].map(|p| p as usize);
-                let d = state.positions[j] - state.positions[i];
-                let block = Block::of_spring(d, problem.springs.rest[s], group.stiffness);
-                let block = block.scaled(h * h, damping);
-                self.own[i].add(&block);
-                self.own[j].add(&block);
-                self.springs.push(block);
-            }
-        }
-        self.gradients.preconditioner.clear();
-        let blocks = self.own.iter().zip(&self.inertia.inverse);
-        let inverses = blocks.map(|(own, &w)| if w > T::ZERO { own.inverse() } else { Block::default() });
-        self.gradients.preconditioner.extend(inverses);
+        let Self { gradients, springs, inertia, .. } = self;
+        problem.linearise(&state.positions, h, springs);
+        gradients.hold(state.len());
+        let [diagonal, off] = &mut gradients.own;
+        problem.own_blocks(springs, &inertia.mass, [diagonal, off]);
+        gradients.precondition(&inertia.inverse, problem.useful_threads());
     }
 }
 
@@ -216,32 +197,7 @@ fn longest<T: Real>(vectors: &[T::Vec3]) -> (usize, f64) {
     squares.fold((0, 0.0), |most, next| if next.1 <= most.1 { most } else { next })
 }
 
-/// The product of the matrix with `from`, particle by particle, so that threads change no bit of it.
-fn multiply<T: Real>(
-    problem: &Problem<T>,
-    springs: &[Block<T>],
-    own: &[Block<T>],
-    inertia: &Inertia<T>,
-    from: &[T::Vec3],
-    to: &mut [T::Vec3],
-) {
-    /// Particles a task.
-    const TASK: usize = 1024;
-    let incidence = problem.incidence();
-    let one = |(i, to): (usize, &mut T::Vec3)| {
-        *to = T::Vec3::ZERO;
-        if inertia.inverse[i] > T::ZERO {
-            let mut product = own[i].times(from[i]);
-            for &[other, spring] in incidence.around(i) {
-                product -= springs[spring as usize].times(from[other as usize]);
-            }
-            *to = product;
-        }
-    };
-    if problem.parallel() {
-        let tasks = to.par_chunks_mut(TASK).enumerate();
-        tasks.for_each(|(task, chunk)| (task * TASK..).zip(chunk).for_each(one));
-    } else {
-        to.iter_mut().enumerate().for_each(one);
-    }
+/// Scalar product.
+fn dot<T: Real>(a: &[T::Vec3], b: &[T::Vec3]) -> f64 {
+    a.iter().zip(b).map(|(a, &b)| a.dot(b).to_f64()).sum()
 }

@@ -1,0 +1,286 @@
+//! The forces of sliced springs, with what acts on the particles from outside of the cloth.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled without the instructions of the function that calls it"
+)]
+
+use super::Slices;
+use super::pass::{Eight, Field, Law, Sums, Vectors, Window};
+use crate::forces::springs::pull;
+use crate::forces::{air_damping, gravity};
+use crate::math::lanes::{LANES, Lanes, Parts};
+use crate::math::{Real, Vector};
+use crate::model::{Particles, Springs};
+
+/// The fields that the springs read.
+const PLACES: usize = 0;
+const SPEEDS: usize = 1;
+
+/// What else acts on eight particles, before the springs.
+pub trait Outside<T: Real>: Copy + Send + Sync {
+    /// The forces (N) on the particles from the index `own` on, with the velocities given; `force` begins with what was there
+    /// before.
+    fn of<L: Lanes<Scalar = T>>(
+        &self,
+        with: L::Proof,
+        own: usize,
+        velocity: [L; 3],
+        force: &[T::Vec3],
+    ) -> [L; 3];
+}
+
+/// What was there before.
+#[derive(Clone, Copy, Debug)]
+pub struct Before;
+
+impl<T: Real> Outside<T> for Before {
+    #[inline(always)]
+    fn of<L: Lanes<Scalar = T>>(&self, with: L::Proof, _: usize, _: [L; 3], force: &[T::Vec3]) -> [L; 3] {
+        Vectors(force).eight::<L>(with, 0)
+    }
+}
+
+/// Gravity, wind and air.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a, T: Real> {
+    /// kg.
+    pub mass: &'a [T],
+    /// m/s².
+    pub gravity: T::Vec3,
+    /// N.
+    pub wind: T::Vec3,
+    /// kg/s.
+    pub air_damping: T,
+}
+
+impl<T: Real> Outside<T> for Surroundings<'_, T> {
+    #[inline(always)]
+    fn of<L: Lanes<Scalar = T>>(
+        &self,
+        with: L::Proof,
+        own: usize,
+        velocity: [L; 3],
+        _: &[T::Vec3],
+    ) -> [L; 3] {
+        let mass = masses(with, &self.mass[own..]);
+        let (zero, air) = (L::splat(with, T::ZERO), L::splat(with, self.air_damping));
+        let ([gx, gy, gz], [wx, wy, wz]) = (self.gravity.to_array(), self.wind.to_array());
+        let [vx, vy, vz] = velocity;
+        // From +0, so that no particle of no force has -0.
+        [
+            zero + gravity::force(L::splat(with, gx), mass)
+                + L::splat(with, wx)
+                + air_damping::force(air, vx),
+            zero + gravity::force(L::splat(with, gy), mass)
+                + L::splat(with, wy)
+                + air_damping::force(air, vy),
+            zero + gravity::force(L::splat(with, gz), mass)
+                + L::splat(with, wz)
+                + air_damping::force(air, vz),
+        ]
+    }
+}
+
+/// The first eight masses, the last ones 0 where there are no more.
+#[inline(always)]
+pub(super) fn masses<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, mass: &[T]) -> L {
+    if mass.len() >= LANES {
+        L::load(with, mass)
+    } else {
+        let mut eight = [T::ZERO; LANES];
+        eight[..mass.len()].copy_from_slice(mass);
+        L::of(with, eight)
+    }
+}
+
+/// The force of the springs.
+#[derive(Clone, Copy)]
+struct Pull<'a, T: Real, const DAMPED: bool> {
+    slices: &'a Slices<T>,
+    springs: &'a Springs<T>,
+    damping: T,
+}
+
+impl<T: Real, const DAMPED: bool> Law<T> for Pull<'_, T, DAMPED> {
+    #[inline(always)]
+    fn give<L: Lanes<Scalar = T>>(
+        self,
+        with: L::Proof,
+        springs: Eight,
+        here: impl Fn(usize) -> [L; 3],
+        there: impl Fn(usize) -> [L; 3],
+    ) -> [L; 3] {
+        let (group, rest) = match springs {
+            Eight::Row { group, number } => (group, self.slices.row_rest[number]),
+            Eight::Loose { group, number } => (group, self.slices.list_rest[number]),
+        };
+        let stiffness = L::splat(with, self.springs.groups[group].stiffness);
+        let places = [here(PLACES), there(PLACES)];
+        let speeds = if DAMPED { [here(SPEEDS), there(SPEEDS)] } else { places };
+        let damping = L::splat(with, self.damping);
+        pull::<L, DAMPED>(places, speeds, stiffness, L::of(with, rest), damping)
+    }
+}
+
+/// Forces on the particles from `first` on, N.
+struct Forces<'a, T: Real, O> {
+    outside: O,
+    first: usize,
+    force: &'a mut [T::Vec3],
+}
+
+impl<T: Real, O: Outside<T>> Parts for Forces<'_, T, O> {
+    fn count(&self) -> usize {
+        self.force.len()
+    }
+
+    fn split_at(self, particle: usize) -> (Self, Self) {
+        let Self { outside, first, force } = self;
+        let (force, rest) = force.split_at_mut(particle);
+        (Self { outside, first, force }, Self { outside, first: first + particle, force: rest })
+    }
+}
+
+impl<T: Real, O: Outside<T>> Sums<T> for Forces<'_, T, O> {
+    #[inline(always)]
+    fn begin<L: Lanes<Scalar = T>>(
+        &self,
+        with: L::Proof,
+        at: usize,
+        here: impl Fn(usize) -> [L; 3],
+    ) -> [L; 3] {
+        self.outside.of::<L>(with, self.first + at, here(SPEEDS), &self.force[at..])
+    }
+
+    #[inline(always)]
+    fn end<L: Lanes<Scalar = T>>(
+        &mut self,
+        _: L::Proof,
+        at: usize,
+        _: impl Fn(usize) -> [L; 3],
+        sum: [L; 3],
+    ) {
+        let to = &mut self.force[at..];
+        if let Some(to) = to.first_chunk_mut() {
+            L::put_vectors(sum, to);
+        } else {
+            let mut all = [T::Vec3::ZERO; LANES];
+            L::put_vectors(sum, &mut all);
+            to.copy_from_slice(&all[..to.len()]);
+        }
+    }
+}
+
+impl<T: Real> Slices<T> {
+    /// Writes what acts on the particles from `outside` and from all springs over `force` (N), on so many threads of the
+    /// current pool.
+    #[expect(clippy::too_many_arguments, reason = "all that one pass reads and writes")]
+    pub fn forces(
+        &self,
+        springs: &Springs<T>,
+        damping: T,
+        state: &Particles<T>,
+        windows: &mut Vec<Window<T>>,
+        force: &mut [T::Vec3],
+        threads: usize,
+        outside: impl Outside<T>,
+    ) {
+        let fields = [Vectors(&state.positions), Vectors(&state.velocities)];
+        let sums = Forces { outside, first: 0, force };
+        if damping > T::ZERO {
+            let law = Pull::<T, true> { slices: self, springs, damping };
+            self.go_over(fields, law, sums, windows, threads);
+        } else {
+            let law = Pull::<T, false> { slices: self, springs, damping };
+            self.go_over(fields, law, sums, windows, threads);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pass::Pass;
+    use super::super::tests::{cloths, crumpled, place};
+    use super::*;
+    use crate::math::lanes::{Kernel, Plain};
+    use crate::model::Topology;
+
+    /// The springs one by one, and for each particle the sum of the magnitudes with their number.
+    fn scatter<T: Real>(
+        springs: &Springs<T>,
+        damping: T,
+        state: &Particles<T>,
+        force: &mut [T::Vec3],
+    ) -> Vec<(f64, f64)> {
+        let mut sums: Vec<(f64, f64)> = force.iter().map(|f| (f.to_f64().abs().max_element(), 1.0)).collect();
+        for group in &springs.groups {
+            for s in group.range.clone() {
+                let [i, j] = springs.pairs[s].map(|p| p as usize);
+                let d = state.positions[j] - state.positions[i];
+                let length = d.length();
+                let some = length > T::ZERO;
+                let tension =
+                    if some { group.stiffness * (length - springs.rest[s]) / length } else { T::ZERO };
+                let f = d * tension + (state.velocities[j] - state.velocities[i]) * damping;
+                force[i] += f;
+                force[j] -= f;
+                for end in [i, j] {
+                    sums[end].0 += f.to_f64().abs().max_element();
+                    sums[end].1 += 1.0;
+                }
+            }
+        }
+        sums
+    }
+
+    fn agree<T: Real>(topology: &Topology, particles: usize, damping: f64) {
+        let (springs, state) = crumpled::<T>(topology, particles);
+        let damping = T::from_f64(damping);
+        let started = vec![place::<T>(3, 1.0); particles];
+        let mut plain = started.clone();
+        let sums = scatter(&springs, damping, &state, &mut plain);
+        let slices = Slices::new(particles, &springs);
+        let on = |threads| {
+            let mut force = started.clone();
+            slices.forces(&springs, damping, &state, &mut Vec::new(), &mut force, threads, Before);
+            force
+        };
+        let force = on(1);
+        // A sum of n terms in any order is within (n - 1) ε Σ|term| of the true one (Higham, "Accuracy and Stability of
+        // Numerical Algorithms", 2002, 4.2), to first order in ε, here half the distance of two numbers.
+        let epsilon = T::EPSILON.to_f64() / 2.0;
+        for ((f, plain), (sum, terms)) in force.iter().zip(&plain).zip(sums) {
+            let off = (f.to_f64() - plain.to_f64()).abs().max_element();
+            assert!(off <= 2.0 * terms * epsilon * sum, "{off:e} of {sum}");
+        }
+        for threads in [2, 3, 8] {
+            assert_eq!(on(threads), force, "{threads} threads");
+        }
+        let mut without = started;
+        let mut window = Window::default();
+        window.hold(2);
+        let pass = Pass {
+            slices: &slices,
+            particles,
+            fields: [Vectors(&state.positions), Vectors(&state.velocities)],
+            law: Pull::<T, true> { slices: &slices, springs: &springs, damping },
+            first: 0,
+            sums: Forces { outside: Before, first: 0, force: &mut without },
+            windows: &mut [window],
+        };
+        // Springs with a damping of 0 are damped by 0.
+        pass.run::<Plain<T>>(());
+        assert_eq!(without, force, "in plain arrays");
+    }
+
+    #[test]
+    fn the_pass_gives_the_sums_of_the_springs_on_any_machine_and_number_of_threads() {
+        for (topology, particles) in cloths() {
+            for damping in [0.0, 2.0] {
+                agree::<f32>(&topology, particles, damping);
+                agree::<f64>(&topology, particles, damping);
+            }
+        }
+    }
+}
