@@ -325,10 +325,7 @@ fn sweeps(sides: &[u32]) {
 /// the matrix is the most; an iteration of projective dynamics, and of it the solve alone.
 fn implicit(sides: &[u32]) {
     println!(
-        "ns per spring: building the matrix and the rest of a step; an iteration of conjugate gradients"
-    );
-    println!(
-        "projective dynamics: factorising, ms; an iteration, ms; of it the solve; vertex block descent, ns per spring and sweep"
+        "ns per spring: building the matrix and all else in a step, an iteration of conjugate gradients, one by hand in Single on one thread | vertex block descent, a sweep | projective dynamics, ms: an iteration, a solve alone, its part"
     );
     for &side in sides {
         for (name, threads) in
@@ -354,23 +351,32 @@ fn implicit(sides: &[u32]) {
             };
             let descent =
                 |iterations| of(&[("simulator.id", "vbd"), ("simulator.params.iterations", iterations)]);
+            let springs = Reference::new(side).springs();
+            let mut by_hand = reference::Gradients::new(side);
             let mut candidates: Vec<Candidate> = vec![
                 ("few".into(), newton("2")),
                 ("many".into(), newton("62")),
+                ("by hand".into(), Box::new(move || (by_hand.iterate(), springs).1)),
                 ("one sweep".into(), descent("1")),
                 ("more".into(), descent("11")),
             ];
             // A factor of 1000² takes gigabytes.
             if side < 1000 {
-                candidates.extend([("one".into(), projective("1")), ("more".into(), projective("11"))]);
+                let mut solve = reference::solve(side);
+                candidates.extend([
+                    ("one".into(), projective("1")),
+                    ("more".into(), projective("11")),
+                    ("solve".into(), Box::new(move || (solve(), springs).1)),
+                ]);
             }
             let best = race(&mut candidates, 1.0);
-            let iteration = (best[1] - best[0]) / 60.0;
-            print!("{side:4}² {name:18} {:6.2} {iteration:6.2}", best[0] - 2.0 * iteration);
-            print!(" | vbd {:6.2}", (best[3] - best[2]) / 10.0);
-            if let [.., one, more] = best[4..] {
-                let springs = Reference::new(side).springs() as f64;
-                print!(" | projective {:8.3}", (more - one) / 10.0 * springs * 1e-6);
+            let [few, many, by_hand, sweep, sweeps, ref projective @ ..] = best[..] else { unreachable!() };
+            let iteration = (many - few) / 60.0;
+            print!("{side:4}² {name:18} {:6.2} {iteration:6.2} {by_hand:6.2}", few - 2.0 * iteration);
+            print!(" | {:6.2}", (sweeps - sweep) / 10.0);
+            if let [one, more, solve] = *projective {
+                let [iteration, solve] = [(more - one) / 10.0, solve].map(|ns| ns * springs as f64 * 1e-6);
+                print!(" | {iteration:8.3} {solve:8.3} {:5.0} %", 100.0 * solve / iteration);
             }
             println!();
         }

@@ -1,6 +1,10 @@
 //! What the library's kernels are held against: the plain list, and kernels written by hand for a sheet that is
 //! numbered along its rows, in single precision and on one thread. None of them watches, tears or draws.
 
+use faer::linalg::solvers::SolveCore;
+use faer::sparse::linalg::solvers::Llt;
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Conj, Mat, Side};
 use std::arch::x86_64::{
     __m128, __m256, _CMP_GT_OQ, _mm_add_ps, _mm_loadu_ps, _mm_storeu_ps, _mm_sub_ps, _mm256_add_ps,
     _mm256_and_ps, _mm256_castps128_ps256, _mm256_castps256_ps128, _mm256_cmp_ps, _mm256_div_ps,
@@ -429,4 +433,102 @@ fn transposed([a, b, c, d]: [__m256; 4]) -> [__m256; 4] {
         _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
         _mm256_shuffle_ps::<0xee>(ab_high, cd_high),
     ]
+}
+
+/// A solve of the matrix of projective dynamics, for three right-hand sides, as faer offers it.
+pub fn solve(side: u32) -> impl FnMut() {
+    let springs = Topology::of(&grid(side, side, 1.0, false)).pairs;
+    let n = (side * side) as usize;
+    let mut diagonal = vec![1.0 + f64::from(AIR); n];
+    let mut entries = Vec::new();
+    for (pairs, k) in springs.iter().zip(STIFFNESS) {
+        for pair in pairs {
+            let [i, j] = pair.map(|p| p as usize);
+            diagonal[i] += f64::from(k);
+            diagonal[j] += f64::from(k);
+            entries.push(Triplet::new(j, i, -f64::from(k)));
+        }
+    }
+    entries.extend(diagonal.iter().enumerate().map(|(i, d)| Triplet::new(i, i, *d)));
+    let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &entries).unwrap();
+    let factor: Llt<usize, f64> = matrix.sp_cholesky(Side::Lower).unwrap();
+    let mut right = Mat::from_fn(n, 3, |i, c| (i * (c + 1)) as f64);
+    move || {
+        factor.solve_in_place_with_conj(Conj::No, right.as_mut());
+        right[(0, 0)] += 1.0;
+    }
+}
+
+/// Conjugate gradients with the matrix of an implicit step as 3x3 blocks, those of a particle side by side.
+pub struct Gradients {
+    /// End of the blocks of each particle, the column of each, and the blocks.
+    ends: Vec<u32>,
+    blocks: Vec<(u32, [[f32; 3]; 3])>,
+    /// Solution, residual, direction and its image.
+    vectors: [Vec<[f32; 3]>; 4],
+}
+
+impl Gradients {
+    pub fn new(side: u32) -> Self {
+        let mesh = grid(side, side, 1.0, false);
+        let mut rows = vec![Vec::new(); mesh.positions.len()];
+        for (pairs, k) in Topology::of(&mesh).pairs.iter().zip(STIFFNESS) {
+            for pair in pairs {
+                let [i, j] = pair.map(|p| p as usize);
+                let n = (mesh.positions[j] - mesh.positions[i]).normalize().as_vec3().to_array();
+                let block = n.map(|a| n.map(|b| -k * a * b));
+                rows[i].push((j as u32, block));
+                rows[j].push((i as u32, block));
+            }
+        }
+        let (mut ends, mut blocks) = (Vec::new(), Vec::new());
+        for (i, mut row) in rows.into_iter().enumerate() {
+            let mut own = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            for (_, block) in &row {
+                (0..9).for_each(|c| own[c / 3][c % 3] -= block[c / 3][c % 3]);
+            }
+            row.push((i as u32, own));
+            row.sort_by_key(|(column, _)| *column);
+            blocks.append(&mut row);
+            ends.push(blocks.len() as u32);
+        }
+        let right: Vec<[f32; 3]> = (0..ends.len()).map(|i| [0.3, (i as f32).sin(), 1.0]).collect();
+        let zero = vec![[0.0; 3]; right.len()];
+        Self { ends, blocks, vectors: [zero.clone(), right.clone(), right, zero] }
+    }
+
+    /// One iteration.
+    pub fn iterate(&mut self) {
+        let [x, r, d, image] = &mut self.vectors;
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let (mut begin, mut curvature, mut before) = (0, 0.0_f64, 0.0_f64);
+        for (i, &end) in self.ends.iter().enumerate() {
+            let mut sum = [0.0; 3];
+            for (column, block) in &self.blocks[begin..end as usize] {
+                let v = d[*column as usize];
+                (0..3).for_each(|c| sum[c] += dot(block[c], v));
+            }
+            begin = end as usize;
+            image[i] = sum;
+            curvature += f64::from(dot(sum, d[i]));
+            before += f64::from(dot(r[i], r[i]));
+        }
+        let (stride, mut size) = ((before / curvature) as f32, 0.0_f64);
+        for ((x, r), (d, image)) in x.iter_mut().zip(&mut *r).zip(d.iter().zip(&*image)) {
+            for c in 0..3 {
+                x[c] += stride * d[c];
+                r[c] -= stride * image[c];
+            }
+            size += f64::from(dot(*r, *r));
+        }
+        let keep = (size / before) as f32;
+        for (d, r) in d.iter_mut().zip(&*r) {
+            (0..3).for_each(|c| d[c] = r[c] + keep * d[c]);
+        }
+        // Far along the residual is no longer a normal number: begin again.
+        if size < 1e-9 {
+            r.fill([0.3, -1.0, 1.0]);
+            d.copy_from_slice(r);
+        }
+    }
 }

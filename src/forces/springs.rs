@@ -3,6 +3,7 @@
 //! The damping is the thesis' law (eq. 2.4): along all directions, not only along the spring, so that it brakes rigid
 //! rotation too. Where |d| = 0 the spring has no direction and exerts no force.
 
+use crate::math::Real;
 use crate::math::lanes::Lanes;
 use crate::model::KindSettings;
 
@@ -47,7 +48,7 @@ impl SpringParams {
 /// The forces on eight particles at x with velocities v from others at x' with v', by component.
 #[expect(clippy::inline_always, reason = "a kernel's")]
 #[inline(always)]
-pub(super) fn pull<L: Lanes, const DAMPED: bool>(
+pub fn pull<L: Lanes, const DAMPED: bool>(
     [x, there]: [[L; 3]; 2],
     [v, speed]: [[L; 3]; 2],
     stiffness: L,
@@ -66,4 +67,24 @@ pub(super) fn pull<L: Lanes, const DAMPED: bool>(
     } else {
         [dx * tension, dy * tension, dz * tension]
     }
+}
+
+/// How eight springs resist a change of the way d from x to x', by component: K = a I + u uᵀ, given as a and u.
+///
+/// With n = d/|d| and rest length L, K = k n nᵀ + k max(0, 1 - L/|d|) (I - n nᵀ). A compressed spring pushes its ends sideways;
+/// leaving that out keeps K positive semidefinite (Choi and Ko, "Stable but responsive cloth", 2002). Without a direction there is
+/// no force, and no stiffness unless L is 0: then K = k I.
+#[expect(clippy::inline_always, reason = "a kernel's")]
+#[inline(always)]
+pub fn resistance<L: Lanes>(with: L::Proof, [x, there]: [[L; 3]; 2], stiffness: L, rest: L) -> [L; 4] {
+    let [zero, one] = [L::splat(with, Real::ZERO), L::splat(with, Real::ONE)];
+    let [dx, dy, dz] = [there[0] - x[0], there[1] - x[1], there[2] - x[2]];
+    let length = (dx * dx + dy * dy + dz * dz).sqrt();
+    let without_length = one - one.where_positive(length);
+    let without_rest = one - one.where_positive(rest);
+    let stretched = ((length - rest) / length).where_positive(length).max(zero);
+    let across = stiffness * (stretched + without_length * without_rest);
+    let along = (stiffness - across).max(zero).sqrt();
+    let part = (along / length).where_positive(length);
+    [across, dx * part, dy * part, dz * part]
 }

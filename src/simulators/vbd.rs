@@ -15,15 +15,15 @@
 //! sweeps must do at a long dt: it gives smooth, soft errors where XPBD's are stiff; far below its dt, XPBD with small steps
 //! is more accurate.
 
-use super::blocks::Block;
+mod descent;
+
 use super::chebyshev::Chebyshev;
-use super::colouring::Colours;
 use super::inertia::{Inertia, velocities_of_the_way};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::{Real, Vector};
 use crate::model::Particles;
-use rayon::prelude::*;
+use descent::{Descent, Step};
 
 crate::params! {
     /// Vertex block descent.
@@ -42,49 +42,10 @@ pub struct Buffers<T: Real> {
     inertia: Inertia<T>,
     /// Positions at the start of the step, m.
     start: Vec<T::Vec3>,
-    /// New positions of a colour, m.
-    moved: Vec<T::Vec3>,
+    /// x̂, m.
+    free: Vec<T::Vec3>,
     chebyshev: Chebyshev<T>,
-    colours: Colours,
-    /// Stiffness of each spring, N/m.
-    stiffness: Vec<T>,
-    /// The revision of the problem that colours and stiffnesses were taken from.
-    revision: u64,
-}
-
-impl<T: Real> Buffers<T> {
-    fn prepare(&mut self, problem: &Problem<T>) {
-        if self.revision != problem.revision() {
-            self.revision = problem.revision();
-            self.colours = Colours::of_particles(problem.particles(), problem.incidence());
-            self.stiffness = problem.springs.stiffness_of_each();
-        }
-    }
-
-    /// Where one particle goes while all others stay, m.
-    fn descend(&self, problem: &Problem<T>, positions: &[T::Vec3], h: T, i: usize) -> T::Vec3 {
-        let x = positions[i];
-        if self.inertia.inverse[i] <= T::ZERO {
-            return x;
-        }
-        let mass = self.inertia.mass[i];
-        let damping = h * problem.spring_damping;
-        let free = self.start[i] + self.inertia.velocity[i] * h;
-        let mut right = (free - x) * mass;
-        let mut left = Block::scaled_identity(mass);
-        for &[other, spring] in problem.incidence().around(i) {
-            let (other, spring) = (other as usize, spring as usize);
-            let d = positions[other] - x;
-            let (length, rest) = (d.length(), problem.springs.rest[spring]);
-            let k = self.stiffness[spring] * h * h;
-            if length > T::ZERO {
-                right += d * (k * ((length - rest) / length));
-            }
-            right += (d - (self.start[other] - self.start[i])) * damping;
-            left.add(&Block::of_spring(d, rest, k).scaled(T::ONE, damping));
-        }
-        x + left.inverse().times(right)
-    }
+    descent: Descent<T>,
 }
 
 impl Simulator for Vbd {
@@ -103,20 +64,24 @@ impl Simulator for Vbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        scratch.prepare(problem);
+        scratch.descent.prepare(problem);
         let beginning = state.time;
         state.time += dt.to_f64();
         scratch.inertia.begin(problem, state, dt);
         state.time = beginning;
         cost.force_evaluations += 1;
         scratch.start.clone_from(&state.positions);
+        scratch.free.clear();
+        let starts = state.positions.iter().zip(&scratch.inertia.velocity);
+        scratch.free.extend(starts.map(|(&x, &v)| x + v * dt));
         warm_start(&scratch.inertia, state, dt);
         scratch.chebyshev.begin(self.acceleration, &state.positions);
         for _ in 0..self.iterations {
             if problem.is_stopped() {
                 return;
             }
-            sweep(problem, &mut state.positions, dt, scratch);
+            let Buffers { inertia, start, free, descent, .. } = scratch;
+            descent.sweep(problem, &mut state.positions, Step { inertia, start, free, h: dt });
             scratch.chebyshev.accelerate(self.acceleration, &mut state.positions);
         }
         cost.solver_iterations += u64::from(self.iterations);
@@ -152,24 +117,4 @@ fn warm_start<T: Real>(inertia: &Inertia<T>, state: &mut Particles<T>, dt: T) {
         };
         *x += (v + outside * part) * dt;
     }
-}
-
-/// Moves each particle once, colour by colour.
-fn sweep<T: Real>(problem: &Problem<T>, positions: &mut [T::Vec3], h: T, scratch: &mut Buffers<T>) {
-    let mut moved = std::mem::take(&mut scratch.moved);
-    for colour in scratch.colours.groups() {
-        if problem.parallel() {
-            let seen = &*positions;
-            let each = colour.par_iter().with_min_len(512);
-            each.map(|&i| scratch.descend(problem, seen, h, i as usize)).collect_into_vec(&mut moved);
-            for (&i, &x) in colour.iter().zip(&moved) {
-                positions[i as usize] = x;
-            }
-        } else {
-            for &i in colour {
-                positions[i as usize] = scratch.descend(problem, positions, h, i as usize);
-            }
-        }
-    }
-    scratch.moved = moved;
 }

@@ -1,10 +1,7 @@
 //! The springs made linear: products with the stiffness and damping of an implicit step, at the speed of a force pass.
 //!
-//! A spring of direction n = d/|d| and rest length L resists a change δ of d by K δ, K = k n nᵀ + k max(0, 1 - L/|d|) (I - n nᵀ).
-//! A compressed spring pushes its ends sideways; leaving that out keeps K positive semidefinite (Choi and Ko, "Stable but
-//! responsive cloth", 2002). Without a direction there is no force, and no stiffness unless L is 0: then K = k I. With its damping
-//! and over a step h it adds h² K + h k_d I = a I + u uᵀ to the matrix of the step, a and u four numbers: fewer than the six of a
-//! symmetric block, and a product takes as many operations.
+//! To the matrix of a step h a spring of stiffness K (see [`resistance`]) adds h² K + h k_d I = a I + u uᵀ. These are four numbers,
+//! fewer than the six of a symmetric block, and a product takes no more operations.
 
 #![expect(
     clippy::inline_always,
@@ -14,6 +11,7 @@
 use super::pass::{Eight, Eights, Field, Law, Sums, Vectors, Window};
 use super::pulls::masses;
 use super::{BLOCK, Slices, end_before};
+use crate::forces::springs::resistance;
 use crate::math::Real;
 use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
 use crate::model::Springs;
@@ -106,8 +104,8 @@ impl<T: Real> Kernel<T> for Linearise<'_, T> {
                     let (here, there) =
                         (field.eight::<L>(with, way.from as usize), field.eight::<L>(with, way.to as usize));
                     let rest = L::of(with, slices.row_rest[number]);
-                    let four = four(with, here, there, stiffness, rest, damping);
-                    rows[number - first_row] = only(four, way.lanes);
+                    let [a, x, y, z] = resistance(with, [here, there], stiffness, rest);
+                    rows[number - first_row] = only([a + damping, x, y, z], way.lanes);
                 }
                 row = end;
             }
@@ -127,8 +125,8 @@ impl<T: Real> Kernel<T> for Linearise<'_, T> {
                         let springs = (0..LANES).fold(0, |lanes, lane| lanes | some(lane) << lane);
                         let rest = L::of(with, slices.list_rest[number]);
                         let there = field.each::<L>(with, to);
-                        let four = four(with, here, there, stiffness, rest, damping);
-                        loose[number - first_list] = only(four, springs);
+                        let [a, x, y, z] = resistance(with, [here, there], stiffness, rest);
+                        loose[number - first_list] = only([a + damping, x, y, z], springs);
                     }
                     list = end;
                 }
@@ -141,21 +139,6 @@ impl<T: Real> Kernel<T> for Linearise<'_, T> {
 #[inline(always)]
 fn only<T: Real, L: Lanes<Scalar = T>>([a, x, y, z]: [L; 4], lanes: u32) -> Four<T> {
     [a.only(lanes).to_array(), x.only(lanes).to_array(), y.only(lanes).to_array(), z.only(lanes).to_array()]
-}
-
-/// The numbers of eight springs, with the stiffness times h² and the damping times h.
-#[inline(always)]
-fn four<L: Lanes>(with: L::Proof, here: [L; 3], there: [L; 3], stiffness: L, rest: L, damping: L) -> [L; 4] {
-    let (zero, one) = (L::splat(with, L::Scalar::ZERO), L::splat(with, L::Scalar::ONE));
-    let [dx, dy, dz] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
-    let length = (dx * dx + dy * dy + dz * dz).sqrt();
-    let without_length = one - one.where_positive(length);
-    let without_rest = one - one.where_positive(rest);
-    let stretched = ((length - rest) / length).where_positive(length).max(zero);
-    let across = stiffness * (stretched + without_length * without_rest);
-    let along = (stiffness - across).max(zero).sqrt();
-    let part = (along / length).where_positive(length);
-    [across + damping, dx * part, dy * part, dz * part]
 }
 
 /// (a I + u uᵀ) (p - p') of the vectors p of the ones and p' of the others.
