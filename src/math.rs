@@ -76,6 +76,8 @@ pub trait Vector:
     fn from_f64(value: DVec3) -> Self;
     /// The same vector in double precision.
     fn to_f64(self) -> DVec3;
+    /// The components of vectors, one behind the other.
+    fn flat(vectors: &[Self]) -> &[Self::Scalar];
 }
 
 macro_rules! precision {
@@ -127,6 +129,10 @@ macro_rules! precision {
             #[inline]
             fn to_f64(self) -> DVec3 {
                 $to_double(self)
+            }
+            #[inline]
+            fn flat(vectors: &[Self]) -> &[$real] {
+                bytemuck::cast_slice(vectors)
             }
         }
     };

@@ -81,40 +81,66 @@ fn kinetic_and_weighted<T: Real>(cloth: &Cloth<T>) -> (f64, DVec3) {
     })
 }
 
-/// Σ |v|² (m²/s²) and Σ v (m/s) of the particles that can move: in every step, so eight particles at once and in the
-/// precision of the simulation, but for blocks so short that rounding counts for nothing.
+/// Numbers or eights of them that are added up in the precision of the simulation: so few that rounding counts for nothing.
+const BLOCK: usize = 64;
+
+/// Σ |v|² (m²/s²) of all particles: in every step, so as fast as they can be read.
+struct Squares<'a, T: Real>(&'a [T::Vec3]);
+
+impl<T: Real> Kernel<T> for Squares<'_, T> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> f64 {
+        let zero = L::splat(with, T::ZERO);
+        let (eights, last) = T::Vec3::flat(self.0).as_chunks::<LANES>();
+        let mut squares: f64 = last.iter().map(|c| c.to_f64() * c.to_f64()).sum();
+        for block in eights.chunks(BLOCK) {
+            // Four chains, or each sum would wait for the one before it.
+            let [mut a, mut b, mut c, mut d] = [zero; 4];
+            let (fours, rest) = block.as_chunks::<4>();
+            for [p, q, r, s] in fours {
+                let [p, q, r, s] = [L::of(with, *p), L::of(with, *q), L::of(with, *r), L::of(with, *s)];
+                (a, b, c, d) = (a + p * p, b + q * q, c + r * r, d + s * s);
+            }
+            for eight in rest {
+                let v = L::of(with, *eight);
+                a = a + v * v;
+            }
+            squares += ((a + b) + (c + d)).to_array().into_iter().map(T::to_f64).sum::<f64>();
+        }
+        squares
+    }
+}
+
+/// Σ v (m/s) of the particles that can move: wherever wind blows.
 struct Motion<'a, T: Real> {
     velocities: &'a [T::Vec3],
     inverse_mass: &'a [T],
 }
 
 impl<T: Real> Kernel<T> for Motion<'_, T> {
-    type Output = (f64, DVec3);
+    type Output = DVec3;
 
     #[inline(always)]
-    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> (f64, DVec3) {
-        const BLOCK: usize = 64;
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> DVec3 {
         let (velocities, last_velocities) = self.velocities.as_chunks::<LANES>();
         let (inverse_mass, last_inverse_mass) = self.inverse_mass.as_chunks::<LANES>();
-        let zero = L::splat(with, T::ZERO);
-        let (mut squares, mut sum) = (0.0, DVec3::ZERO);
+        let mut sum = DVec3::ZERO;
         for (velocities, inverse_mass) in velocities.chunks(BLOCK).zip(inverse_mass.chunks(BLOCK)) {
-            let (mut of_block, [mut x, mut y, mut z]) = (zero, [zero; 3]);
+            let [mut x, mut y, mut z] = [L::splat(with, T::ZERO); 3];
             for (velocities, w) in velocities.iter().zip(inverse_mass) {
-                let (w, [u, v, w_]) = (L::of(with, *w), L::vectors(with, velocities));
-                let [u, v, w] = [u.where_positive(w), v.where_positive(w), w_.where_positive(w)];
-                of_block = of_block + (u * u + v * v + w * w);
-                (x, y, z) = (x + u, y + v, z + w);
+                let (free, [u, v, w]) = (L::of(with, *w), L::vectors(with, velocities));
+                (x, y, z) =
+                    (x + u.where_positive(free), y + v.where_positive(free), z + w.where_positive(free));
             }
             let all = |lanes: L| lanes.to_array().into_iter().map(T::to_f64).sum::<f64>();
-            squares += all(of_block);
             sum += DVec3::new(all(x), all(y), all(z));
         }
         for (v, _) in last_velocities.iter().zip(last_inverse_mass).filter(|(_, w)| **w > T::ZERO) {
-            squares += v.to_f64().length_squared();
             sum += v.to_f64();
         }
-        (squares, sum)
+        sum
     }
 }
 
@@ -164,16 +190,19 @@ impl Ledger {
             return None;
         }
         let (velocities, inverse_mass) = (&cloth.state.velocities[..], &cloth.problem.inverse_mass[..]);
-        let (squares, sum) = lanes::run(Motion { velocities, inverse_mass });
         let gravity = cloth.problem.gravity.unwrap_or_default();
-        let wind = cloth.problem.wind.as_ref().map_or(DVec3::ZERO, |w| w.force(cloth.state.time));
-        self.given += (wind.dot(sum) * dt).max(0.0);
+        let mut wind = DVec3::ZERO;
+        if let Some(blowing) = &cloth.problem.wind {
+            wind = blowing.force(cloth.state.time);
+            self.given += (wind.dot(lanes::run(Motion { velocities, inverse_mass })) * dt).max(0.0);
+        }
         // One spring length and one step of free acceleration a step are no sign of anything.
         let stride = cloth.mean_rest / dt;
         let push = wind * (free.count as f64 / free.mass) + gravity;
         let freely = 0.5 * free.mass * (stride * stride + (push * dt).length_squared());
-        // All is well where not even a cloth as heavy as its heaviest particle had too much, and nothing has fallen. Not so
-        // where the sum is not finite.
+        // All is well where not even a cloth as heavy as its heaviest particle had too much, if also what is held counted and
+        // nothing had fallen. Not so where the sum is not finite.
+        let squares = lanes::run(Squares::<T>(velocities));
         if 0.5 * free.heaviest * squares <= EXCESS * (self.given + freely) && squares.is_finite() {
             return None;
         }
@@ -231,7 +260,9 @@ impl Jitter {
         let least = VISIBLE * cloth.mean_rest / dt;
         self.shaking.retain_mut(|(p, before)| {
             let now = velocity(*p);
-            let turned = now.dot(*before) < TURN * now.length() * before.length();
+            let cosine = now.dot(*before);
+            // Most go on, which is seen without their speed.
+            let turned = cosine < 0.0 && cosine < TURN * now.length() * before.length();
             *before = now;
             turned && now.length() > least
         });

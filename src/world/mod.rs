@@ -37,7 +37,7 @@ use health::{Jitter, Ledger};
 use log::Log;
 use std::collections::HashSet;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A cloth in the precision of its scene.
 enum AnyCloth {
@@ -69,12 +69,37 @@ use on;
 pub struct Threads(Option<Arc<rayon::ThreadPool>>);
 
 impl Threads {
-    /// Does work on one of them: while it goes on the others are soon at hand, which steps one after the other profit from.
+    /// Does work on one of them. Until it is done the others stay awake: a step of a small cloth takes no longer than waking them.
     pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
-        match &self.0 {
-            Some(pool) => pool.install(work),
-            None => work(),
-        }
+        let Some(pool) = &self.0 else { return work() };
+        pool.install(|| {
+            let done = AtomicBool::new(false);
+            let own = rayon::current_thread_index();
+            rayon::scope(|scope| {
+                scope.spawn_broadcast(|_, other| {
+                    while Some(other.index()) != own && !done.load(Ordering::Acquire) {
+                        if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                            // Whoever else has work for this processor goes first.
+                            std::thread::yield_now();
+                        }
+                    }
+                });
+                // Done also where it panics.
+                let _work = Work { done: &done };
+                work()
+            })
+        })
+    }
+}
+
+/// Says when it goes that the work is done.
+struct Work<'a> {
+    done: &'a AtomicBool,
+}
+
+impl Drop for Work<'_> {
+    fn drop(&mut self) {
+        self.done.store(true, Ordering::Release);
     }
 }
 

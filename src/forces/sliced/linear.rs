@@ -8,7 +8,7 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::pass::{Eight, Eights, Field, Law, Sums, Vectors, Window};
+use super::pass::{Eight, Eights, Field, Fields, Law, Sums, Vectors, Window};
 use super::pulls::masses;
 use super::{BLOCK, Slices, end_before};
 use crate::forces::springs::resistance;
@@ -162,11 +162,11 @@ impl<T: Real> Law<T> for Product<'_, T> {
         self,
         with: L::Proof,
         springs: Eight,
-        here: impl Fn(usize) -> [L; 3],
-        there: impl Fn(usize) -> [L; 3],
+        here: impl Fields<T>,
+        there: impl Fields<T>,
     ) -> [L; 3] {
         let [a, ux, uy, uz] = self.0.of::<L>(with, springs);
-        let (here, there) = (here(0), there(0));
+        let (here, there): ([L; 3], [L; 3]) = (here.field(with, 0), there.field(with, 0));
         let [x, y, z] = [here[0] - there[0], here[1] - there[1], here[2] - there[2]];
         let along = ux * x + uy * y + uz * z;
         [a * x + ux * along, a * y + uy * along, a * z + uz * along]
@@ -185,8 +185,8 @@ impl<T: Real, const DIAGONAL: bool> Law<T> for Own<'_, T, DIAGONAL> {
         self,
         with: L::Proof,
         springs: Eight,
-        _: impl Fn(usize) -> [L; 3],
-        _: impl Fn(usize) -> [L; 3],
+        _: impl Fields<T>,
+        _: impl Fields<T>,
     ) -> [L; 3] {
         let [a, ux, uy, uz] = self.0.of::<L>(with, springs);
         if DIAGONAL { [a + ux * ux, a + uy * uy, a + uz * uz] } else { [ux * uy, ux * uz, uy * uz] }
@@ -216,26 +216,15 @@ impl<T: Real> Parts for Images<'_, T> {
 
 impl<T: Real> Sums<T> for Images<'_, T> {
     #[inline(always)]
-    fn begin<L: Lanes<Scalar = T>>(
-        &self,
-        with: L::Proof,
-        at: usize,
-        here: impl Fn(usize) -> [L; 3],
-    ) -> [L; 3] {
-        let (mass, [x, y, z]) = (masses::<T, L>(with, &self.mass[at..]), here(0));
+    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3] {
+        let (mass, [x, y, z]) = (masses::<T, L>(with, &self.mass[at..]), here.field::<L>(with, 0));
         [x * mass, y * mass, z * mass]
     }
 
     #[inline(always)]
-    fn end<L: Lanes<Scalar = T>>(
-        &mut self,
-        with: L::Proof,
-        at: usize,
-        here: impl Fn(usize) -> [L; 3],
-        sum: [L; 3],
-    ) {
+    fn end<L: Lanes<Scalar = T>>(&mut self, with: L::Proof, at: usize, here: impl Fields<T>, sum: [L; 3]) {
         self.image[at / LANES] = [sum[0].to_array(), sum[1].to_array(), sum[2].to_array()];
-        let [x, y, z] = here(0);
+        let [x, y, z] = here.field::<L>(with, 0);
         let square = x * sum[0] + y * sum[1] + z * sum[2];
         let squares = &mut self.squares[at / BLOCK];
         let before = if at.is_multiple_of(BLOCK) { L::splat(with, T::ZERO) } else { L::load(with, squares) };
@@ -268,7 +257,7 @@ impl<T: Real> Parts for Blocks<'_, T> {
 
 impl<T: Real> Sums<T> for Blocks<'_, T> {
     #[inline(always)]
-    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, _: impl Fn(usize) -> [L; 3]) -> [L; 3] {
+    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, _: impl Fields<T>) -> [L; 3] {
         match self.mass {
             Some(mass) => [masses::<T, L>(with, &mass[at..]); 3],
             None => [L::splat(with, T::ZERO); 3],
@@ -276,13 +265,7 @@ impl<T: Real> Sums<T> for Blocks<'_, T> {
     }
 
     #[inline(always)]
-    fn end<L: Lanes<Scalar = T>>(
-        &mut self,
-        _: L::Proof,
-        at: usize,
-        _: impl Fn(usize) -> [L; 3],
-        [x, y, z]: [L; 3],
-    ) {
+    fn end<L: Lanes<Scalar = T>>(&mut self, _: L::Proof, at: usize, _: impl Fields<T>, [x, y, z]: [L; 3]) {
         self.values[at / LANES] = [x.to_array(), y.to_array(), z.to_array()];
     }
 }

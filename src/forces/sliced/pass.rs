@@ -26,33 +26,56 @@ pub trait Law<T: Real>: Copy + Send + Sync {
     /// What is taken from the others has the same sign as what the ones are given.
     const ALIKE: bool = false;
 
-    /// What eight springs give to the ones, by component, from the vectors of the ones and of the others in a field.
+    /// What eight springs give to the ones, by component, from the fields of the ones and of the others.
     fn give<L: Lanes<Scalar = T>>(
         self,
         with: L::Proof,
         springs: Eight,
-        here: impl Fn(usize) -> [L; 3],
-        there: impl Fn(usize) -> [L; 3],
+        here: impl Fields<T>,
+        there: impl Fields<T>,
     ) -> [L; 3];
+}
+
+/// The fields of eight particles.
+pub trait Fields<T: Real>: Copy {
+    /// One of them.
+    fn field<L: Lanes<Scalar = T>>(self, with: L::Proof, number: usize) -> [L; 3];
+}
+
+/// Eight in a row in a window.
+#[derive(Clone, Copy)]
+struct InRow<'a, T, const F: usize> {
+    fields: &'a [Components<T>; F],
+    at: usize,
+}
+
+impl<T: Real, const F: usize> Fields<T> for InRow<'_, T, F> {
+    #[inline(always)]
+    fn field<L: Lanes<Scalar = T>>(self, with: L::Proof, number: usize) -> [L; 3] {
+        load(with, &self.fields[number], self.at)
+    }
+}
+
+/// Eight anywhere.
+#[derive(Clone, Copy)]
+struct Anywhere<'a, V, const F: usize> {
+    sources: &'a [V; F],
+    at: &'a [u32; LANES],
+}
+
+impl<T: Real, V: Field<T>, const F: usize> Fields<T> for Anywhere<'_, V, F> {
+    #[inline(always)]
+    fn field<L: Lanes<Scalar = T>>(self, with: L::Proof, number: usize) -> [L; 3] {
+        self.sources[number].each(with, self.at)
+    }
 }
 
 /// Where the sums of some particles go. Particles are counted from the first of these.
 pub trait Sums<T: Real>: Parts {
     /// What eight particles begin with.
-    fn begin<L: Lanes<Scalar = T>>(
-        &self,
-        with: L::Proof,
-        at: usize,
-        here: impl Fn(usize) -> [L; 3],
-    ) -> [L; 3];
+    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3];
     /// What came of it.
-    fn end<L: Lanes<Scalar = T>>(
-        &mut self,
-        with: L::Proof,
-        at: usize,
-        here: impl Fn(usize) -> [L; 3],
-        sum: [L; 3],
-    );
+    fn end<L: Lanes<Scalar = T>>(&mut self, with: L::Proof, at: usize, here: impl Fields<T>, sum: [L; 3]);
 }
 
 /// A vector of each particle.
@@ -221,12 +244,9 @@ impl<T: Real, V: Field<T>, W: Law<T>, S: Sums<T>, const F: usize> Kernel<T> for 
                     if block < first && to + LANES <= first - base {
                         continue;
                     }
-                    let mut gives = law.give::<L>(
-                        with,
-                        Eight::Row { group, number },
-                        |field| load(with, &fields[field], from),
-                        |field| load(with, &fields[field], to),
-                    );
+                    let springs = Eight::Row { group, number };
+                    let (here, there) = (InRow { fields, at: from }, InRow { fields, at: to });
+                    let mut gives = law.give::<L>(with, springs, here, there);
                     if lanes != ALL {
                         gives = [gives[0].only(lanes), gives[1].only(lanes), gives[2].only(lanes)];
                     }
@@ -239,7 +259,7 @@ impl<T: Real, V: Field<T>, W: Law<T>, S: Sums<T>, const F: usize> Kernel<T> for 
                 continue;
             }
             for own in (block..(block + BLOCK).min(particles)).step_by(LANES) {
-                let here = |field: usize| load::<T, L>(with, &fields[field], own - base);
+                let here = InRow { fields, at: own - base };
                 let begin = sums.begin::<L>(with, own - first, here);
                 let (given, taken) =
                     (load::<T, L>(with, given, own - base), load::<T, L>(with, taken, own - base));
@@ -253,7 +273,7 @@ impl<T: Real, V: Field<T>, W: Law<T>, S: Sums<T>, const F: usize> Kernel<T> for 
                         let end = slices.list_ends[own / LANES * slices.groups + group] as usize;
                         for (number, to) in (list..).zip(&slices.lists[list..end]) {
                             let springs = Eight::Loose { group, number };
-                            let there = |field: usize| sources[field].each::<L>(with, to);
+                            let there = Anywhere { sources: &sources, at: to };
                             let [x, y, z] = law.give::<L>(with, springs, here, there);
                             sum = [sum[0] + x, sum[1] + y, sum[2] + z];
                         }

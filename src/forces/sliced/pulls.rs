@@ -6,7 +6,7 @@
 )]
 
 use super::Slices;
-use super::pass::{Eight, Field, Law, Sums, Vectors, Window};
+use super::pass::{Eight, Field, Fields, Law, Sums, Vectors, Window};
 use crate::forces::springs::pull;
 use crate::forces::{air_damping, gravity};
 use crate::math::lanes::{LANES, Lanes, Parts};
@@ -108,16 +108,16 @@ impl<T: Real, const DAMPED: bool> Law<T> for Pull<'_, T, DAMPED> {
         self,
         with: L::Proof,
         springs: Eight,
-        here: impl Fn(usize) -> [L; 3],
-        there: impl Fn(usize) -> [L; 3],
+        here: impl Fields<T>,
+        there: impl Fields<T>,
     ) -> [L; 3] {
         let (group, rest) = match springs {
             Eight::Row { group, number } => (group, self.slices.row_rest[number]),
             Eight::Loose { group, number } => (group, self.slices.list_rest[number]),
         };
         let stiffness = L::splat(with, self.springs.groups[group].stiffness);
-        let places = [here(PLACES), there(PLACES)];
-        let speeds = if DAMPED { [here(SPEEDS), there(SPEEDS)] } else { places };
+        let places = [here.field(with, PLACES), there.field(with, PLACES)];
+        let speeds = if DAMPED { [here.field(with, SPEEDS), there.field(with, SPEEDS)] } else { places };
         let damping = L::splat(with, self.damping);
         pull::<L, DAMPED>(places, speeds, stiffness, L::of(with, rest), damping)
     }
@@ -144,23 +144,12 @@ impl<T: Real, O: Outside<T>> Parts for Forces<'_, T, O> {
 
 impl<T: Real, O: Outside<T>> Sums<T> for Forces<'_, T, O> {
     #[inline(always)]
-    fn begin<L: Lanes<Scalar = T>>(
-        &self,
-        with: L::Proof,
-        at: usize,
-        here: impl Fn(usize) -> [L; 3],
-    ) -> [L; 3] {
-        self.outside.of::<L>(with, self.first + at, here(SPEEDS), &self.force[at..])
+    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3] {
+        self.outside.of::<L>(with, self.first + at, here.field(with, SPEEDS), &self.force[at..])
     }
 
     #[inline(always)]
-    fn end<L: Lanes<Scalar = T>>(
-        &mut self,
-        _: L::Proof,
-        at: usize,
-        _: impl Fn(usize) -> [L; 3],
-        sum: [L; 3],
-    ) {
+    fn end<L: Lanes<Scalar = T>>(&mut self, _: L::Proof, at: usize, _: impl Fields<T>, sum: [L; 3]) {
         let to = &mut self.force[at..];
         if let Some(to) = to.first_chunk_mut() {
             L::put_vectors(sum, to);
