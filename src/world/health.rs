@@ -90,6 +90,7 @@ struct Squares<'a, T: Real>(&'a [T::Vec3]);
 impl<T: Real> Kernel<T> for Squares<'_, T> {
     type Output = f64;
 
+    #[expect(clippy::inline_always, reason = "a kernel")]
     #[inline(always)]
     fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> f64 {
         let zero = L::splat(with, T::ZERO);
@@ -122,6 +123,7 @@ struct Motion<'a, T: Real> {
 impl<T: Real> Kernel<T> for Motion<'_, T> {
     type Output = DVec3;
 
+    #[expect(clippy::inline_always, reason = "a kernel")]
     #[inline(always)]
     fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> DVec3 {
         let (velocities, last_velocities) = self.velocities.as_chunks::<LANES>();
