@@ -360,3 +360,79 @@ impl<T: Real> Kernel<T> for Invert<'_, T> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::forces::springs::SpringParams;
+    use crate::forces::{Linear, Problem, SpringSet};
+    use crate::model::Topology;
+    use glam::DVec3;
+
+    /// A sheet with its first row pinned.
+    fn sheet() -> (Problem<f64>, Vec<DVec3>) {
+        let mesh = crate::target::grid(101, 41, 1.0, false);
+        let topology = Topology::of(&mesh);
+        let params = SpringParams::default();
+        let set =
+            SpringSet { topology: &topology, rest_positions: &mesh.positions, params: &params, broken: &[] };
+        let mut problem = Problem::new(vec![1.0; mesh.positions.len()], &set);
+        (0..101).for_each(|i| problem.set_fixed(i, true));
+        (problem, mesh.positions)
+    }
+
+    #[test]
+    fn the_solution_solves_the_system_on_any_number_of_threads() {
+        const TOLERANCE: f64 = 1e-10;
+        let (mut problem, positions) = sheet();
+        let free = |i: usize| f64::from(problem.inverse_mass[i] > 0.0);
+        let push = |i: usize| DVec3::new((i as f64).sin(), 1.0, (i as f64 * 0.1).cos()) * free(i);
+        let right: Vec<DVec3> = (0..positions.len()).map(push).collect();
+        let mut solutions = Vec::new();
+        for threads in [1, 2, 3] {
+            problem.threads = threads;
+            let (mut gradients, mut linear) = (ConjugateGradients::default(), Linear::default());
+            problem.linearise(&positions, 0.1, &mut linear);
+            gradients.hold(positions.len());
+            let [diagonal, off] = &mut gradients.own;
+            problem.own_blocks(&linear, &problem.mass, [diagonal, off]);
+            gradients.precondition(&problem.inverse_mass, threads);
+            let enough = Enough {
+                residual: TOLERANCE,
+                iterations: 1000,
+                loose: 0.0,
+                far_off: |_| false,
+                stopped: || false,
+            };
+            let mut x = Vec::new();
+            let multiply = |from: &[_], to: &mut [_], products: &mut [_]| {
+                problem.multiply(&linear, &problem.mass, from, to, products);
+            };
+            let solved = gradients.solve(&right, &mut x, &enough, multiply, threads);
+            assert!(solved.residual <= TOLERANCE && !solved.loosely && solved.iterations > 5);
+            let mut image = gradients.image.clone();
+            problem.multiply(
+                &linear,
+                &problem.mass,
+                &gradients.solution,
+                &mut image,
+                &mut gradients.products,
+            );
+            // What rounding adds is far less: the condition is some ten thousand. The norms of the preconditioner and of
+            // Euclid differ at most by the blocks' condition, below a hundred.
+            let (mut left, mut whole) = (0.0, 0.0);
+            for (i, b) in right.iter().enumerate() {
+                let product = DVec3::from_array(image[i / LANES].map(|c| c[i % LANES]));
+                if problem.inverse_mass[i] > 0.0 {
+                    left += (product - *b).length_squared();
+                    whole += b.length_squared();
+                } else {
+                    assert_eq!(x[i], DVec3::ZERO, "pinned");
+                }
+            }
+            assert!(left.sqrt() <= 100.0 * TOLERANCE * whole.sqrt(), "{left:e} of {whole:e}");
+            solutions.push(x);
+        }
+        assert!(solutions[0] == solutions[1] && solutions[0] == solutions[2]);
+    }
+}

@@ -5,8 +5,8 @@
 //! method with conjugate gradients; with one Newton step the springs are linear during the step, as in the paper.
 //!
 //! No dt is too long: fast motions are damped away, by 1/(1 + dt² ω²) of their energy a step, and with them liveliness. A step costs
-//! one assembly of the matrix (about four force evaluations) and some ten to some hundred products with it (one to two
-//! each) for every Newton step. Choose it for very stiff cloth that should come to rest; for motion take a shorter dt or
+//! one assembly of the matrix (about six force evaluations) and some ten to some hundred iterations (one each) for every
+//! Newton step. Choose it for very stiff cloth that should come to rest; for motion take a shorter dt or
 //! a method of order 2.
 
 use super::newton::{Newton, solved_by_newton};

@@ -2,8 +2,8 @@
 //!
 //! Backward Euler over h from (x0, v0); implicit midpoint and BDF2 are made of it. Each Newton step solves
 //! (M̂ + h D + h² K) δv = M̂ (v̂ - v) + h F by conjugate gradients (Baraff and Witkin, "Large steps in cloth simulation", 1998),
-//! D and K the damping and the stiffness of the springs, one symmetric 3x3 block a spring and one a particle; particles that
-//! are pinned or held have no unknown. K leaves out what compressed springs push sideways, so that the matrix is positive
+//! D and K the damping and the stiffness of the springs, four numbers each (see [`Linear`]); particles that are pinned or held
+//! have no unknown. K leaves out what compressed springs push sideways, so that the matrix is positive
 //! definite and δv always leads downhill in the energy of the step; where it leads too far, it is shortened.
 //!
 //! Far from the solution a system is solved no better than its step is worth (Eisenstat and Walker, "Choosing the forcing terms in

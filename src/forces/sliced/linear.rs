@@ -319,9 +319,11 @@ impl<T: Real> Slices<T> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pass::Pass;
     use super::super::tests::{cloths, crumpled, place};
     use super::*;
     use crate::math::Vector;
+    use crate::math::lanes::Plain;
     use crate::model::Topology;
     use glam::{DMat3, DVec3};
 
@@ -374,6 +376,22 @@ mod tests {
         for threads in [2, 3, 8] {
             assert!(on(threads) == (image.clone(), products.clone(), diagonal.clone(), off.clone()));
         }
+
+        let mut linear = Linear::default();
+        slices.linearise(step, &mut linear, 1);
+        let Linear { rows, loose } = linear.clone();
+        let blocks = 0..particles.div_ceil(BLOCK);
+        let (more_rows, more_loose) = (&mut linear.rows[..], &mut linear.loose[..]);
+        Linearise { slices: &slices, step, blocks, rows: more_rows, loose: more_loose }.run::<Plain<T>>(());
+        assert!((&linear.rows, &linear.loose) == (&rows, &loose), "in plain arrays");
+        let mut windows = [Window::default()];
+        windows[0].hold(1);
+        let (mut plain, mut squares) = (none.clone(), products.clone());
+        let sums = Images { mass: &mass, image: &mut plain, squares: &mut squares };
+        let (fields, law) = ([Eights(&eights)], Product(&linear));
+        Pass { slices: &slices, particles, fields, law, first: 0, sums, windows: &mut windows }
+            .run::<Plain<T>>(());
+        assert!((plain, squares) == (image.clone(), products.clone()), "in plain arrays");
 
         let mut images: Vec<DVec3> = from.iter().zip(&mass).map(|(v, m)| v.to_f64() * m.to_f64()).collect();
         let mut blocks: Vec<DMat3> =
