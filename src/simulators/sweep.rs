@@ -76,6 +76,15 @@ pub(super) struct Compliance<T> {
     pub all: T,
 }
 
+/// Which of the sweeps of a step it is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    /// No spring has exerted anything yet.
+    pub is_first: bool,
+    /// Nobody asks any more what springs have exerted.
+    pub is_last: bool,
+}
+
 impl<T: Real> Sweep<T> {
     /// Takes the springs of a problem tile by tile, unless they are here already.
     pub fn in_tiles(&mut self, problem: &Problem<T>) {
@@ -153,14 +162,12 @@ impl<T: Real> Sweep<T> {
         }
     }
 
-    /// Begins the step of compliant springs from these positions: no spring has exerted anything yet.
+    /// Begins the step of compliant springs from these positions.
     pub fn begin(&mut self, start: &[T::Vec3], compliance: &Compliance<T>) {
         let is_damped = compliance.all > T::ZERO;
         for part in self.tiles.iter_mut().chain(&mut self.strips).chain([&mut self.far]) {
             let eights = part.pairs.len();
-            part.tension.clear();
             part.tension.resize(eights, [T::ZERO; LANES]);
-            part.friction.clear();
             part.friction.resize(if is_damped { eights } else { 0 }, [[T::ZERO; LANES]; 3]);
         }
         self.starts.clear();
@@ -170,10 +177,10 @@ impl<T: Real> Sweep<T> {
     }
 
     /// Lets every spring exert what its compliance and its damping still want.
-    pub fn comply(&mut self, compliance: &Compliance<T>, parallel: bool) {
+    pub fn comply(&mut self, compliance: &Compliance<T>, turn: Turn, parallel: bool) {
         let compliance = *compliance;
         self.each(parallel, |part, places, starts| {
-            lanes::run(wide::Comply { part, places, starts, compliance });
+            lanes::run(wide::Comply { part, places, starts, compliance, turn });
         });
     }
 
@@ -414,7 +421,7 @@ mod tests {
                 Compliance { square: T::from_f64(1e-3), along: T::from_f64(along), all: T::from_f64(all) };
             let mut one_by_one = start.clone();
             let mut exerted = vec![(T::ZERO, T::Vec3::ZERO); springs.len()];
-            for _ in 0..2 {
+            for _ in 0..3 {
                 for (spring, exerted) in springs.iter().zip(&mut exerted) {
                     let [i, j] = spring.0.map(|p| starts[p as usize]);
                     comply_one(&mut one_by_one, j - i, *spring, &compliance, exerted);
@@ -424,8 +431,10 @@ mod tests {
             for parallel in [false, true] {
                 sweep.places.clone_from(&start);
                 sweep.begin(&starts, &compliance);
-                sweep.comply(&compliance, parallel);
-                sweep.comply(&compliance, parallel);
+                for number in 0..3 {
+                    let turn = Turn { is_first: number == 0, is_last: number == 2 };
+                    sweep.comply(&compliance, turn, parallel);
+                }
                 assert_eq!(sweep.places, one_by_one, "damping {along} along, {all} in all directions");
             }
         }

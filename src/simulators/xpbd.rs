@@ -16,7 +16,7 @@
 //! cloth within a fixed budget, where an explicit method would need a smaller dt than the budget allows.
 
 use super::inertia::{Inertia, velocities_of_the_way};
-use super::sweep::{Compliance, Sweep};
+use super::sweep::{Compliance, Sweep, Turn};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
@@ -112,11 +112,12 @@ impl Xpbd {
         let compliance = Compliance { square: h * h, along, all };
         sweep.enter(&state.positions, inertia.inverse.iter().copied());
         sweep.begin(start, &compliance);
-        for _ in 0..self.iterations {
+        for iteration in 1..=self.iterations {
             if problem.is_stopped() {
                 return;
             }
-            sweep.comply(&compliance, problem.parallel());
+            let turn = Turn { is_first: iteration == 1, is_last: iteration == self.iterations };
+            sweep.comply(&compliance, turn, problem.parallel());
         }
         sweep.leave(&mut state.positions);
         cost.solver_iterations += u64::from(self.iterations);

@@ -5,7 +5,7 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::{Compliance, Part};
+use super::{Compliance, Part, Turn};
 use crate::math::Real;
 use crate::math::lanes::{Kernel, LANES, Lanes};
 
@@ -43,6 +43,7 @@ pub(super) struct Comply<'a, T: Real> {
     pub places: &'a mut [[T; 4]],
     pub starts: &'a [[T; 4]],
     pub compliance: Compliance<T>,
+    pub turn: Turn,
 }
 
 impl<T: Real> Kernel<T> for Comply<'_, T> {
@@ -63,7 +64,7 @@ impl<T: Real> Kernel<T> for Comply<'_, T> {
 impl<T: Real> Comply<'_, T> {
     #[inline(always)]
     fn go<L: Lanes<Scalar = T>, const ALONG: bool, const ALL: bool>(self, with: L::Proof) {
-        let Self { part, places, starts, compliance } = self;
+        let Self { part, places, starts, compliance, turn } = self;
         let Part { pairs, rest, stiffness, tension, friction } = part;
         let square = L::splat(with, compliance.square);
         let along = L::splat(with, compliance.along);
@@ -86,7 +87,7 @@ impl<T: Real> Comply<'_, T> {
             let inverse = (one / length).where_positive(length);
             let [nx, ny, nz] = [dx * inverse, dy * inverse, dz * inverse];
             let k = square * L::of(with, *stiffness);
-            let exerted = L::of(with, *tension);
+            let exerted = if turn.is_first { zero } else { L::of(with, *tension) };
             let mut wanted = zero - k * (length - L::of(with, *rest)) - exerted;
             if ALONG {
                 let [ux, uy, uz] = [dx - was[0], dy - was[1], dz - was[2]];
@@ -94,14 +95,16 @@ impl<T: Real> Comply<'_, T> {
             }
             let stiff = if ALONG { k + along } else { k };
             let change = (wanted / (stiff * w + one)).where_positive(length).where_positive(w);
-            *tension = (exerted + change).to_array();
+            if !turn.is_last {
+                *tension = (exerted + change).to_array();
+            }
             let [mut px, mut py, mut pz] = [nx * change, ny * change, nz * change];
             if ALL {
                 let part = one / (all * w + one);
                 let [x, y, z] = &mut friction[eight];
-                px = px + brake::<T, L>(with, dx + px * w - was[0], [all, part, w], x);
-                py = py + brake::<T, L>(with, dy + py * w - was[1], [all, part, w], y);
-                pz = pz + brake::<T, L>(with, dz + pz * w - was[2], [all, part, w], z);
+                px = px + brake::<T, L>(with, dx + px * w - was[0], [all, part, w], x, turn);
+                py = py + brake::<T, L>(with, dy + py * w - was[1], [all, part, w], y, turn);
+                pz = pz + brake::<T, L>(with, dz + pz * w - was[2], [all, part, w], z, turn);
             }
             L::put_quads([ax - px * aw, ay - py * aw, az - pz * aw, aw], places, i);
             L::put_quads([bx + px * bw, by + py * bw, bz + pz * bw, bw], places, j);
@@ -116,10 +119,13 @@ fn brake<T: Real, L: Lanes<Scalar = T>>(
     way: L,
     [all, part, w]: [L; 3],
     friction: &mut [T; LANES],
+    turn: Turn,
 ) -> L {
-    let before = L::of(with, *friction);
+    let before = if turn.is_first { L::splat(with, T::ZERO) } else { L::of(with, *friction) };
     let wanted = L::splat(with, T::ZERO) - way * all - before;
     let change = (wanted * part).where_positive(w);
-    *friction = (before + change).to_array();
+    if !turn.is_last {
+        *friction = (before + change).to_array();
+    }
     change
 }
