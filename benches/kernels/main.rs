@@ -133,11 +133,14 @@ fn race(candidates: &mut [Candidate], seconds: f64) -> Vec<f64> {
     best
 }
 
-/// A few steps at a time, as they are taken between two pictures.
+/// Some steps at a time, as they are taken between two pictures: as many as look at a million springs, some two milliseconds.
 fn step(mut world: World) -> Box<dyn FnMut() -> u64> {
+    world.step();
+    let visits = world.cost().spring_visits;
+    let steps = (1_000_000 / visits).clamp(1, 64);
     Box::new(move || {
         let before = world.cost().spring_visits;
-        world.threads().run(|| (0..4).for_each(|_| world.step()));
+        world.threads().run(|| (0..steps).for_each(|_| world.step()));
         assert!(!world.health().is_diverged(), "a world that stands still is no measure");
         world.cost().spring_visits - before
     })
