@@ -124,7 +124,7 @@ fn summary(info: &Info, title: &str) -> String {
     }
     if let Some(stability) = &info.stability {
         let limits: Vec<_> =
-            stability.dt_limit.iter().map(|(id, limit)| format!("{id} {limit:.5} s")).collect();
+            stability.dt_limit.iter().map(|(id, limit)| format!("{id} {} s", seconds(*limit))).collect();
         text += &format!(
             "fastest motion: {:.2} rad/s; longest stable dt: {}\n",
             stability.omega_max,
@@ -135,4 +135,9 @@ fn summary(info: &Info, title: &str) -> String {
         text += &format!("warning: {warning}\n");
     }
     text.trim_end().to_owned()
+}
+
+/// A time with four digits that count, however short.
+fn seconds(time: f64) -> String {
+    if time < 1e-3 { format!("{time:.3e}") } else { format!("{time:.5}") }
 }

@@ -35,6 +35,9 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
             |_| Ok(None),
         )?;
         check(&recording, &world, &name)?;
+        if world.steps() >= recording.steps {
+            common.say("The end is the recorded one, bit for bit.");
+        }
         return Ok(ending);
     }
     let mut other = recording.clone();
