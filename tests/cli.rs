@@ -119,6 +119,17 @@ fn scenes_come_from_files_names_meshes_and_standard_input() {
 }
 
 #[test]
+fn a_recording_is_told_from_a_scene_and_replayed_to_the_same_bits() {
+    let dir = folder();
+    let recorded = tenter(dir.path(), &["run", "sheet", "--steps", "5", "--record", "r.ron"]);
+    assert!(recorded.status.success());
+    let replayed = tenter(dir.path(), &["replay", "r.ron"]);
+    assert!(replayed.status.success());
+    assert!(String::from_utf8_lossy(&replayed.stdout).contains("bit for bit"));
+    assert!(refused(&tenter(dir.path(), &["info", "r.ron"])).contains("tenter replay"));
+}
+
+#[test]
 fn set_reaches_every_part_of_the_scene() {
     let dir = folder();
     let result = json(&tenter(

@@ -16,9 +16,10 @@ mod study;
 mod trade;
 mod workbench;
 
-use crate::scene::{Opened, Place, Refusal, Scene, Target, open};
-use crate::world::World;
+use crate::scene::{Opened, Place, Refusal, Scene, Target, open, read_limited};
+use crate::world::{Recording, World};
 use clap::{Args, Parser, Subcommand};
+use std::path::Path;
 use std::process::ExitCode;
 
 #[derive(Parser)]
@@ -154,7 +155,17 @@ impl Common {
 
     /// Opens a scene with the settings of the command line.
     fn open(&self, name: &str) -> Result<Opened, Refusal> {
-        let mut opened = open(name)?;
+        let mut opened = open(name).map_err(|refusal| {
+            // What is no file may not be there a second time.
+            let file = Path::new(name);
+            let is_recording = || read_limited(file).is_ok_and(|text| Recording::from_ron(&text).is_ok());
+            if file.is_file() && is_recording() {
+                return Refusal::new(format!(
+                    "{name}: is a recording, which tenter replay takes; accepted: a scene"
+                ));
+            }
+            refusal
+        })?;
         self.change(&mut opened.scene, &mut opened.place)?;
         Ok(opened)
     }
