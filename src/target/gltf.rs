@@ -302,8 +302,7 @@ impl<'a> Scene<'a> {
         warnings: &mut Vec<String>,
     ) -> Result<(QuadMesh, Vec<Shown>), String> {
         let mut shown = Vec::new();
-        let mut positions = Vec::new();
-        let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let mut whole = QuadMesh::default();
         for (p, primitive) in self.document.meshes[mesh].primitives.iter().enumerate() {
             let place = format!("mesh {mesh} primitive {p}");
             let mode = match primitive.mode {
@@ -322,7 +321,7 @@ impl<'a> Scene<'a> {
             let Some(position) = primitive.attributes.position else {
                 return Err(format!("{place} has no POSITION; vertices with positions would be accepted"));
             };
-            let first = positions.len() as u32;
+            let first = whole.positions.len() as u32;
             shown.push(Shown { primitive: p, first });
             if !primitive.targets.is_empty() {
                 warnings.push(format!(
@@ -330,45 +329,43 @@ impl<'a> Scene<'a> {
                     primitive.targets.len()
                 ));
             }
-            self.read_positions(position, &place, &mut positions)?;
-            let count = positions.len() as u32 - first;
+            self.read_positions(position, &place, &mut whole.positions)?;
+            let count = whole.positions.len() as u32 - first;
             let corners = match primitive.indices {
                 Some(indices) => self.read_indices(indices, &place, count)?,
                 None => (0..count).collect(),
             };
             let corner = |i: usize| corners[i] + first;
-            let before = triangles.len();
+            let before = whole.face_count();
             match mode {
                 Mode::TriangleStrip => {
                     // Every other triangle of a strip is wound the other way.
                     let strip =
                         (2..corners.len()).map(|i| [corner(i - 2 + i % 2), corner(i - 1 - i % 2), corner(i)]);
                     // Strips are linked by triangles without area.
-                    triangles.extend(strip.filter(|[a, b, c]| a != b && b != c && c != a));
+                    let strip = strip.filter(|[a, b, c]| a != b && b != c && c != a);
+                    strip.for_each(|triangle| whole.push_face(&triangle));
                 }
                 Mode::TriangleFan => {
-                    triangles.extend((2..corners.len()).map(|i| [corner(0), corner(i - 1), corner(i)]));
+                    (2..corners.len()).for_each(|i| whole.push_face(&[corner(0), corner(i - 1), corner(i)]));
                 }
                 _ => {
-                    let left = corners.len() % 3;
-                    if left > 0 {
+                    let (triangles, left) = corners.as_chunks::<3>();
+                    if !left.is_empty() {
                         warnings.push(format!(
-                            "{place} has {} corners, which is not a multiple of 3; the last {left} were left out",
-                            corners.len()
+                            "{place} has {} corners, which is not a multiple of 3; the last {} were left out",
+                            corners.len(),
+                            left.len()
                         ));
                     }
-                    triangles.extend((0..corners.len() / 3).map(|t| [0, 1, 2].map(|i| corner(3 * t + i))));
+                    triangles.iter().for_each(|triangle| whole.push_face(&triangle.map(|c| c + first)));
                 }
             }
-            if triangles.len() == before {
+            if whole.face_count() == before {
                 warnings.push(format!("{place} holds no triangle"));
             }
         }
-        let mut mesh = QuadMesh::new(positions);
-        for triangle in &triangles {
-            mesh.push_face(triangle);
-        }
-        Ok((mesh, shown))
+        Ok((whole, shown))
     }
 
     fn read_positions(&self, accessor: u32, place: &str, positions: &mut Vec<DVec3>) -> Result<(), String> {
@@ -397,7 +394,11 @@ impl<'a> Scene<'a> {
         if let Some(bad) = read.iter().position(|p| !p.is_finite()) {
             return Err(format!("{place}: vertex {bad} is {}; finite numbers would be accepted", read[bad]));
         }
-        positions.extend(read);
+        if positions.is_empty() {
+            *positions = read;
+        } else {
+            positions.extend(read);
+        }
         Ok(())
     }
 
@@ -631,16 +632,18 @@ fn element<'e, T>(all: &'e [T], index: u32, kind: &str, place: &str) -> Result<&
     })
 }
 
-type IndexReader = fn(&[u8]) -> u32;
-
 /// Size in bytes of an index of this type, and how it is read.
-fn index_reader(component: ComponentType, place: &str) -> Result<(usize, IndexReader), String> {
-    match component {
-        ComponentType::U8 => Ok((1, |bytes| bytes[0].into())),
-        ComponentType::U16 => Ok((2, |bytes| u16::from_le_bytes(array(bytes)).into())),
-        ComponentType::U32 => Ok((4, |bytes| u32::from_le_bytes(array(bytes)))),
-        other => Err(format!("{place} holds {other:?} as indices; U8, U16 or U32 would be accepted")),
+fn index_reader(component: ComponentType, place: &str) -> Result<(usize, impl Fn(&[u8]) -> u32), String> {
+    if !matches!(component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
+        return Err(format!("{place} holds {component:?} as indices; U8, U16 or U32 would be accepted"));
     }
+    let size = component.size();
+    let number = move |bytes: &[u8]| match size {
+        1 => bytes[0].into(),
+        2 => u16::from_le_bytes(array(bytes)).into(),
+        _ => u32::from_le_bytes(array(bytes)),
+    };
+    Ok((size, number))
 }
 
 /// The first N bytes of a slice that is known to be long enough.

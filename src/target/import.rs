@@ -1,10 +1,11 @@
 //! Imports a mesh file: reads it, mends it, and says what was found.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::mend::{Mended, Oddities, Whole, diagonal, mend};
+use super::mend::{Mended, Whole, crossed_quads, diagonal, mend};
 use super::recover_quads::{QuadRecovery, Recovered, RecoveryMethod, recover};
 use super::surface::Surface;
 use super::{FaceCounts, QuadMesh, gltf, obj, obj_surface};
@@ -114,7 +115,7 @@ fn import(
         return Err(format!("{} bytes are too many; up to 4 GiB would be accepted", bytes.len()));
     }
     let extension = Path::new(name).extension().and_then(|e| e.to_str()).unwrap_or_default();
-    let mut import = match extension.to_ascii_lowercase().as_str() {
+    let (mut import, pinched_particles) = match extension.to_ascii_lowercase().as_str() {
         "obj" => from_obj(bytes, options)?,
         "gltf" | "glb" => from_gltf(bytes, folder, options)?,
         _ => {
@@ -136,20 +137,22 @@ fn import(
     if let Some(surface) = &mut import.surface {
         surface.scale(options.scale);
     }
-    finish(&mut import)?;
+    finish(&mut import, pinched_particles)?;
     import.mesh.shrink();
     Ok(import)
 }
 
-fn from_obj(bytes: &[u8], options: &ImportOptions) -> Result<Import, String> {
+/// Also counts the particles where pieces only touch.
+fn from_obj(bytes: &[u8], options: &ImportOptions) -> Result<(Import, usize), String> {
     let polygons = obj::read(bytes)?;
-    let Whole { mesh, particles, mut mended, coarse_weld, .. } = mend(&polygons.mesh, options.weld)?;
+    let Whole { mesh, edges, particles, mut mended, coarse_weld, .. } = mend(&polygons.mesh, options.weld)?;
     mended.degenerate_faces += polygons.short_faces;
     mended.loose_vertices += polygons.unused_vertices;
     let mut report = ImportReport { mended, warnings: polygons.warnings, ..ImportReport::default() };
     warn_of_coarse_weld(&mut report.warnings, coarse_weld);
     let surface = options.surface.then(|| obj_surface::read(bytes, &polygons.mesh, &particles));
-    Ok(Import { mesh, report, surface })
+    let pinched_particles = edges.pinched(&mesh);
+    Ok((Import { mesh, report, surface }, pinched_particles))
 }
 
 /// A mesh of a glTF file in its own space, once it is whole.
@@ -157,15 +160,22 @@ struct Part {
     mesh: QuadMesh,
     recovery: QuadRecovery,
     mended: Mended,
+    pinched: usize,
     surface: Option<Surface>,
 }
 
 /// Each mesh is welded and turned into quads in its own space, once, and then placed by every node that shows it.
-fn from_gltf(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Result<Import, String> {
+/// Also counts the particles where pieces only touch.
+fn from_gltf(
+    bytes: &[u8],
+    folder: Option<&Path>,
+    options: &ImportOptions,
+) -> Result<(Import, usize), String> {
     let scene = gltf::Scene::read(bytes, folder)?;
     let none = options.surface.then(Surface::default);
     let mut import = Import { mesh: QuadMesh::default(), report: ImportReport::default(), surface: none };
     let mut parts: Vec<Option<Part>> = (0..scene.mesh_count()).map(|_| None).collect();
+    let mut pinched_particles = 0;
     let instances = scene.instances()?;
     let skinned = instances.iter().filter(|i| i.is_skinned).count();
     if skinned > 0 {
@@ -176,16 +186,22 @@ fn from_gltf(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Re
     for instance in instances {
         let cached = &mut parts[instance.mesh];
         if cached.is_none() {
-            let (mut triangles, shown) = scene.triangles(instance.mesh, &mut import.report.warnings)?;
-            let Whole { mesh, source_faces, particles, mended, coarse_weld } =
+            let (triangles, shown) = scene.triangles(instance.mesh, &mut import.report.warnings)?;
+            let Whole { mesh, edges, source_faces, particles, mended, coarse_weld } =
                 mend(&triangles, options.weld)?;
             warn_of_coarse_weld(&mut import.report.warnings, coarse_weld);
-            let raw: Vec<[u32; 3]> =
-                source_faces.iter().filter_map(|f| triangles.face(*f as usize).try_into().ok()).collect();
-            let positions = std::mem::take(&mut triangles.positions);
-            drop(triangles);
-            let Recovered { mesh, triangles: sources, recovery, is_suspicious } =
-                recover(&mesh, &raw, scene.ngon_encoding());
+            let (raw, _) = triangles.corners().as_chunks();
+            let raw: Cow<[[u32; 3]]> = if source_faces.len() == raw.len() {
+                raw.into()
+            } else {
+                source_faces.iter().map(|f| raw[*f as usize]).collect()
+            };
+            let ngon_encoding = scene.ngon_encoding();
+            let quads = || recover(&mesh, &edges, &raw, ngon_encoding);
+            let (Recovered { mut faces, triangles: sources, recovery, is_suspicious }, pinched) =
+                rayon::join(quads, || edges.pinched(&mesh));
+            faces.positions = mesh.positions;
+            let mesh = faces;
             if is_suspicious {
                 import.report.warnings.push(format!(
                     "the {} quads of mesh {} are far from rectangles: they may be pairs of true triangles",
@@ -193,19 +209,18 @@ fn from_gltf(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Re
                 ));
             }
             let surface = options.surface.then(|| {
-                let (particles, triangles) = (&particles, &raw);
                 let faces = gltf::Faces {
-                    positions: &positions,
-                    particles,
-                    triangles,
+                    positions: &triangles.positions,
+                    particles: &particles,
+                    triangles: &raw,
                     mesh: &mesh,
                     sources: &sources,
                 };
                 scene.surface(instance.mesh, &shown, &faces)
             });
-            *cached = Some(Part { mesh, recovery, mended, surface });
+            *cached = Some(Part { mesh, recovery, mended, pinched, surface });
         }
-        let Some(Part { mesh, recovery, mended, surface }) = cached else { continue };
+        let Some(Part { mesh, recovery, mended, pinched, surface }) = cached else { continue };
         scene.spend(mesh.positions.len() + mesh.corners().len())?;
         let first = import.mesh.positions.len();
         import.mesh.append(mesh);
@@ -224,9 +239,11 @@ fn from_gltf(bytes: &[u8], folder: Option<&Path>, options: &ImportOptions) -> Re
         total.degenerate_faces += mended.degenerate_faces;
         total.duplicate_faces += mended.duplicate_faces;
         total.loose_vertices += mended.loose_vertices;
+        total.non_manifold_edges += mended.non_manifold_edges;
+        pinched_particles += *pinched;
     }
     tell_recovery(&mut import.report);
-    Ok(import)
+    Ok((import, pinched_particles))
 }
 
 fn tell_recovery(report: &mut ImportReport) {
@@ -254,7 +271,7 @@ fn warn_of_coarse_weld(warnings: &mut Vec<String>, ratio: Option<f64>) {
 }
 
 /// Counts what the mesh holds now that it stands in its place, and tells what looks wrong.
-fn finish(import: &mut Import) -> Result<(), String> {
+fn finish(import: &mut Import, pinched_particles: usize) -> Result<(), String> {
     let Import { mesh, report, .. } = import;
     if let Some(bad) = mesh.positions.iter().position(|p| !p.is_finite()) {
         return Err(format!(
@@ -266,10 +283,9 @@ fn finish(import: &mut Import) -> Result<(), String> {
         *position += glam::DVec3::ZERO;
     }
     let diagonal = diagonal(&mesh.positions)?;
-    let oddities = Oddities::of(mesh);
-    report.mended.non_manifold_edges = oddities.non_manifold_edges;
     report.faces = mesh.face_counts();
-    report.components = mesh.components();
+    let (components, crossed_quads) = rayon::join(|| mesh.components(), || crossed_quads(mesh));
+    report.components = components;
     let mended = report.mended;
     let mut count = |count: usize, what: &str| {
         if count > 0 {
@@ -280,8 +296,8 @@ fn finish(import: &mut Import) -> Result<(), String> {
     count(mended.duplicate_faces, "faces that are there twice were dropped");
     count(mended.loose_vertices, "vertices that no face uses were dropped");
     count(mended.non_manifold_edges, "edges have three faces or more; no bend springs cross them");
-    count(oddities.pinched_particles, "particles join pieces that touch nowhere else");
-    count(oddities.crossed_quads, "quads cross themselves: their corners are out of order");
+    count(pinched_particles, "particles join pieces that touch nowhere else");
+    count(crossed_quads, "quads cross themselves: their corners are out of order");
     if !(1e-6..=1e6).contains(&diagonal) {
         report.warnings.push(format!("the mesh is {diagonal:.1e} m across: check the scale"));
     }

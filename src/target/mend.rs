@@ -4,9 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::QuadMesh;
-use super::firsts::Firsts;
-use super::mesh::Pieces;
-use super::sorting::sort_by_particle;
+use super::edges::Edges;
 use super::weld::weld;
 
 /// What was mended in a mesh file, or found and left.
@@ -31,6 +29,7 @@ const FINEST_WELD: f64 = 1e-18;
 /// A mesh after mending, with the raw face that each of its faces comes from.
 pub(super) struct Whole {
     pub mesh: QuadMesh,
+    pub edges: Edges,
     pub source_faces: Vec<u32>,
     /// The particle of every raw vertex; `u32::MAX` where no face uses it.
     pub particles: Vec<u32>,
@@ -40,16 +39,16 @@ pub(super) struct Whole {
 }
 
 /// Welds and cleans raw faces; `weld_fraction` is the tolerance as a fraction of the bounding box's diagonal. The particles of the
-/// result are numbered in the order in which its faces first use them. `non_manifold_edges` is not counted here.
+/// result are numbered in the order in which its faces first use them.
 pub(super) fn mend(raw: &QuadMesh, weld_fraction: f64) -> Result<Whole, String> {
     let diagonal = diagonal(&raw.positions)?;
     let tolerance = if weld_fraction < FINEST_WELD { 0.0 } else { weld_fraction * diagonal };
     let first = weld(&raw.positions, tolerance);
     let mut mended = Mended::default();
     let mut particle = vec![u32::MAX; raw.positions.len()];
-    let mut mesh = QuadMesh::new(Vec::new());
+    let mut mesh = QuadMesh::new(Vec::with_capacity(raw.positions.len()));
+    mesh.reserve(raw.face_count(), raw.corners().len());
     let mut source_faces = Vec::with_capacity(raw.face_count());
-    let mut polygons = Firsts::new(raw.face_count());
     let mut face = Vec::new();
     for (f, corners) in raw.faces().enumerate() {
         face.clear();
@@ -63,15 +62,6 @@ pub(super) fn mend(raw: &QuadMesh, weld_fraction: f64) -> Result<Whole, String> 
         if !kept {
             continue;
         }
-        let number = mesh.face_count() as u32;
-        let is_same = |other: u32| {
-            let face = face.iter().map(|corner| particle[*corner as usize]);
-            canonical(mesh.face(other as usize).to_vec()) == canonical(face.collect())
-        };
-        if polygons.find_or_add(hash(&polygons, &face), number, is_same) != number {
-            mended.duplicate_faces += 1;
-            continue;
-        }
         for corner in &mut face {
             let number = &mut particle[*corner as usize];
             if *number == u32::MAX {
@@ -83,11 +73,21 @@ pub(super) fn mend(raw: &QuadMesh, weld_fraction: f64) -> Result<Whole, String> 
         source_faces.push(f as u32);
         mesh.push_face(&face);
     }
+    let mut edges = Edges::of(&mesh);
+    if !edges.repeated.is_empty() {
+        mended.duplicate_faces = edges.repeated.len();
+        mesh.remove_faces(&edges.repeated);
+        let mut removed = edges.repeated.iter().peekable();
+        let mut number = 0..;
+        source_faces.retain(|_| removed.next_if(|removed| number.next() == Some(**removed)).is_none());
+        edges = Edges::of(&mesh);
+    }
+    mended.non_manifold_edges = edges.crowded;
     mended.loose_vertices = first.iter().filter(|f| particle[**f as usize] == u32::MAX).count();
     mended.welded = raw.positions.len() - mended.loose_vertices - mesh.positions.len();
     let coarse_weld = if tolerance > 0.0 { coarse(raw, tolerance) } else { None };
     let particles = first.into_iter().map(|f| particle[f as usize]).collect();
-    Ok(Whole { mesh, source_faces, particles, mended, coarse_weld })
+    Ok(Whole { mesh, edges, source_faces, particles, mended, coarse_weld })
 }
 
 /// Length of the bounding box's diagonal; an extent that overflows is refused.
@@ -122,69 +122,9 @@ fn all_distinct(face: &[u32]) -> bool {
     }
 }
 
-/// A hash of a polygon of distinct corners, which is known by its edges: whichever comes first, and however it is wound.
-fn hash(polygons: &Firsts, face: &[u32]) -> u64 {
-    let edge = |a: u32, b: u32| polygons.hash([u64::from(a.min(b)) << 32 | u64::from(a.max(b))]);
-    let inner = face.windows(2).map(|side| edge(side[0], side[1]));
-    inner.fold(edge(face[0], face[face.len() - 1]), u64::wrapping_add)
-}
-
-/// The polygon turned and wound so that its lowest corner comes first and the lower of that one's neighbours next.
-fn canonical(mut polygon: Vec<u32>) -> Vec<u32> {
-    let lowest = (0..polygon.len()).min_by_key(|i| polygon[*i]).unwrap_or(0);
-    polygon.rotate_left(lowest);
-    if polygon.len() > 2 && polygon[1] > polygon[polygon.len() - 1] {
-        polygon[1..].reverse();
-    }
-    polygon
-}
-
-/// What is left unmended but worth telling.
-pub(super) struct Oddities {
-    /// Edges of three faces or more.
-    pub non_manifold_edges: usize,
-    /// Particles where pieces touch that share no edge there.
-    pub pinched_particles: usize,
-    /// Quads whose border crosses itself.
-    pub crossed_quads: usize,
-}
-
-impl Oddities {
-    pub(super) fn of(mesh: &QuadMesh) -> Self {
-        // Every side of every face: the ends of its edge, the lower first, and where the corners there stand in the list of corners.
-        let mut sides: Vec<([u32; 2], [u32; 2])> = Vec::with_capacity(mesh.corners().len());
-        let mut start = 0;
-        for face in mesh.faces() {
-            for (i, a) in face.iter().enumerate() {
-                let next = (i + 1) % face.len();
-                let b = face[next];
-                let [i, next] = [i, next].map(|i| start + i as u32);
-                let corners = if *a < b { [i, next] } else { [next, i] };
-                sides.push(([*a.min(&b), *a.max(&b)], corners));
-            }
-            start += face.len() as u32;
-        }
-        let sides = sort_by_particle(sides, mesh.positions.len(), |(ends, _)| ends[0]);
-        // Corners at one particle belong together where their faces share an edge there; more than one group is a pinch.
-        let mut fans = Pieces::new(mesh.corners().len());
-        let mut non_manifold_edges = 0;
-        for edge in sides.chunk_by(|a, b| a.0 == b.0) {
-            non_manifold_edges += usize::from(edge.len() > 2);
-            for pair in edge.windows(2) {
-                fans.join(pair[0].1[0], pair[1].1[0]);
-                fans.join(pair[0].1[1], pair[1].1[1]);
-            }
-        }
-        let mut groups = vec![0_u32; mesh.positions.len()];
-        for (i, corner) in mesh.corners().iter().enumerate() {
-            groups[*corner as usize] += u32::from(fans.root(i as u32) == i as u32);
-        }
-        Self {
-            non_manifold_edges,
-            pinched_particles: groups.iter().filter(|g| **g > 1).count(),
-            crossed_quads: mesh.faces().filter(|f| is_crossed(&mesh.positions, f)).count(),
-        }
-    }
+/// Quads whose border crosses itself.
+pub(super) fn crossed_quads(mesh: &QuadMesh) -> usize {
+    mesh.faces().filter(|face| is_crossed(&mesh.positions, face)).count()
 }
 
 /// A quad crosses itself if it is folded over along both of its diagonals (along one of them it is only concave).
@@ -192,9 +132,9 @@ fn is_crossed(positions: &[DVec3], face: &[u32]) -> bool {
     let [a, b, c, d] = *face else { return false };
     let [a, b, c, d] = [a, b, c, d].map(|corner| positions[corner as usize]);
     // Scaled to about 1, or the products of tiny lengths would vanish.
-    let scale = (c - a).abs().max_element().max((d - b).abs().max_element());
+    let scale = 1.0 / (c - a).abs().max((d - b).abs()).max_element().max(f64::MIN_POSITIVE);
     let folded = |a: DVec3, b: DVec3, c: DVec3, d: DVec3| {
-        let [ab, ac, ad] = [b - a, c - a, d - a].map(|side| side / scale);
+        let [ab, ac, ad] = [b - a, c - a, d - a].map(|side| side * scale);
         ab.cross(ac).dot(ac.cross(ad)) < 0.0
     };
     folded(a, b, c, d) && folded(b, c, d, a)

@@ -62,6 +62,18 @@ impl QuadMesh {
         self.edges.push(ends);
     }
 
+    /// Removes faces, named in their order.
+    pub(super) fn remove_faces(&mut self, faces: &[u32]) {
+        let mut removed = faces.iter().peekable();
+        let mut kept = Self::default();
+        for (f, face) in self.faces().enumerate() {
+            if removed.next_if_eq(&&(f as u32)).is_none() {
+                kept.push_face(face);
+            }
+        }
+        (self.starts, self.corners) = (kept.starts, kept.corners);
+    }
+
     /// Appends another mesh; its particles come after those that are here.
     pub fn append(&mut self, other: &Self) {
         let first = self.positions.len() as u32;
@@ -85,6 +97,22 @@ impl QuadMesh {
     /// The faces, each as its corners in order.
     pub fn faces(&self) -> impl ExactSizeIterator<Item = &[u32]> + '_ {
         self.starts.windows(2).map(|w| &self.corners[w[0] as usize..w[1] as usize])
+    }
+
+    /// The face that has a corner, by the number of the corner among those of all faces, and its number in that face.
+    pub(super) fn face_at(&self, corner: u32) -> (usize, usize) {
+        // Where all faces have as many corners, a division tells.
+        let mut face = (u64::from(corner) * self.face_count() as u64 / self.corners.len() as u64) as usize;
+        if !(self.starts[face]..self.starts[face + 1]).contains(&corner) {
+            face = self.starts.partition_point(|start| *start <= corner) - 1;
+        }
+        (face, (corner - self.starts[face]) as usize)
+    }
+
+    /// The next corner around the same face, by its number among those of all faces.
+    pub(super) fn after(&self, corner: u32) -> u32 {
+        let (face, _) = self.face_at(corner);
+        if corner + 1 < self.starts[face + 1] { corner + 1 } else { self.starts[face] }
     }
 
     /// All corners of all faces, one face after the other.

@@ -1,5 +1,6 @@
 //! What is simulated: a generated grid or an imported mesh, as one polygon mesh with welded particles.
 
+mod edges;
 mod firsts;
 mod gltf;
 mod grid;

@@ -7,6 +7,7 @@ use std::borrow::Cow;
 use std::io::{BufRead, Read};
 
 use glam::DVec3;
+use memchr::memchr2;
 use tobj::{LoadError, LoadOptions};
 
 use super::QuadMesh;
@@ -103,7 +104,7 @@ impl<'a> Lines<'a> {
             return None;
         }
         self.read += 1;
-        let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(self.rest.len());
+        let end = memchr2(b'\n', b'\r', self.rest).unwrap_or(self.rest.len());
         let (line, after) = self.rest.split_at(end);
         let ending = if after.starts_with(b"\r\n") { 2 } else { after.len().min(1) };
         self.rest = &after[ending..];
@@ -143,16 +144,20 @@ impl<'a> Lines<'a> {
     fn reduce(&mut self, whole: &[u8]) -> bool {
         self.line.clear();
         self.consumed = 0;
-        let mut words = words(whole);
+        // Bytes that are no text become something that is no number either.
+        let text = if whole.is_ascii() {
+            Cow::Borrowed(whole)
+        } else {
+            String::from_utf8_lossy(whole).into_owned().into_bytes().into()
+        };
+        let mut words = words(&text);
         let is_vertex = words.next() == Some(b"v");
         self.line.push(if is_vertex { b'v' } else { b'f' });
         let mut count = 0;
         for word in words.take(if is_vertex { 3 } else { usize::MAX }) {
             self.line.push(b' ');
             let end = if is_vertex { None } else { word.iter().position(|b| *b == b'/') };
-            // Bytes that are no text stay as something that is no number either.
-            self.line
-                .extend_from_slice(String::from_utf8_lossy(&word[..end.unwrap_or(word.len())]).as_bytes());
+            self.line.extend_from_slice(&word[..end.unwrap_or(word.len())]);
             if end == Some(0) {
                 self.line.push(b'/');
             }

@@ -4,16 +4,17 @@
 //! triangles (exporters write a quad's two triangles one after the other), and geometry (two triangles that make a good rectangle).
 //! Order and geometry are rivals where nothing is declared: what makes the more regular sheet is kept.
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, VecDeque};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::QuadMesh;
-use super::sorting::sort_by_particle;
+use super::edges::Edges;
 
 /// How quads were brought back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -41,9 +42,10 @@ pub struct QuadRecovery {
     pub triangles_left: usize,
 }
 
-/// A mesh with its quads back.
+/// The quads of a mesh, and the triangles that stay.
 pub(super) struct Recovered {
-    pub mesh: QuadMesh,
+    /// These faces, without the particles.
+    pub faces: QuadMesh,
     /// The triangle that each face is, or begins with, and the one that completes it to a quad (`u32::MAX` without).
     pub triangles: Vec<[u32; 2]>,
     pub recovery: QuadRecovery,
@@ -73,45 +75,48 @@ const PATH_WORSE: f64 = 0.3;
 const NONE: u32 = u32::MAX;
 
 /// Pairs the triangles of `mesh`; `raw` are the same triangles by the vertex numbers of the file, before welding.
-pub(super) fn recover(mesh: &QuadMesh, raw: &[[u32; 3]], ngon_encoding: bool) -> Recovered {
-    let triangles: Vec<[u32; 3]> = mesh.faces().filter_map(|f| f.try_into().ok()).collect();
-    let (mate, method) = pair(&mesh.positions, &triangles, raw, ngon_encoding);
-    let mut quads = QuadMesh::new(mesh.positions.clone());
+pub(super) fn recover(mesh: &QuadMesh, edges: &Edges, raw: &[[u32; 3]], ngon_encoding: bool) -> Recovered {
+    let (triangles, _) = mesh.corners().as_chunks();
+    let (mate, method) = pair(&mesh.positions, triangles, edges, raw, ngon_encoding);
+    let pairs = mate.iter().filter(|mate| **mate != NONE).count() / 2;
+    let mut faces = QuadMesh::default();
+    faces.reserve(triangles.len() - pairs, mesh.corners().len() - 2 * pairs);
     let mut recovery = QuadRecovery::default();
-    let mut sources = Vec::with_capacity(triangles.len() / 2);
+    let mut sources = Vec::with_capacity(triangles.len() - pairs);
     for (t, triangle) in triangles.iter().enumerate() {
         if mate[t] == NONE {
             recovery.triangles_left += 1;
-            quads.push_face(triangle);
+            faces.push_face(triangle);
             sources.push([t as u32, NONE]);
         } else if (mate[t] as usize) > t
             && let Some(quad) = quad(*triangle, triangles[mate[t] as usize])
         {
             recovery.quads += 1;
-            quads.push_face(&quad);
+            faces.push_face(&quad);
             sources.push([t as u32, mate[t]]);
         }
     }
     if recovery.quads > 0 {
         recovery.method = method;
     }
-    let is_suspicious = are_suspicious(&mesh.positions, &triangles, &mate);
-    Recovered { mesh: quads, triangles: sources, recovery, is_suspicious }
+    let is_suspicious = are_suspicious(&mesh.positions, triangles, &mate);
+    Recovered { faces, triangles: sources, recovery, is_suspicious }
 }
 
 /// For every triangle the one that it makes a quad with, or `NONE`.
 fn pair(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
+    edges: &Edges,
     raw: &[[u32; 3]],
     ngon_encoding: bool,
 ) -> (Vec<u32>, RecoveryMethod) {
     if ngon_encoding && let Some(mate) = by_ngon_encoding(triangles, raw) {
         return (mate, RecoveryMethod::NgonEncoding);
     }
-    let neighbours = Neighbours::of(positions, triangles);
+    let (mut by_order, neighbours) =
+        rayon::join(|| by_order(positions, triangles, raw), || Neighbours::of(positions, triangles, edges));
     let regular = |mate: &[u32]| neighbours.regular_vertices(mate) as f64;
-    let mut by_order = by_order(positions, triangles, raw);
     let paired = by_order.iter().filter(|m| **m != NONE).count();
     let is_covered = paired as f64 >= ORDER_SHARE * triangles.len() as f64;
     if is_covered {
@@ -237,9 +242,10 @@ fn quad(one: [u32; 3], two: [u32; 3]) -> Option<[u32; 4]> {
 fn corners(positions: &[DVec3], quad: [u32; 4]) -> [DVec2; 4] {
     let [a, p, b, q] = quad.map(|corner| positions[corner as usize]);
     // Scaled to about 1, or the products of tiny lengths would vanish.
-    let scale = (a - p).abs().max(b - p).max((q - p).abs()).max_element().max(f64::MIN_POSITIVE);
+    let scale =
+        1.0 / (a - p).abs().max((b - p).abs()).max((q - p).abs()).max_element().max(f64::MIN_POSITIVE);
     let corner = |at: DVec3, one: DVec3, two: DVec3| {
-        let (one, two) = ((one - at) / scale, (two - at) / scale);
+        let (one, two) = ((one - at) * scale, (two - at) * scale);
         DVec2::new(one.dot(two), one.cross(two).length())
     };
     // The product of complex numbers turns by the sum of their angles.
@@ -286,16 +292,39 @@ fn misfit(positions: &[DVec3], quad: [u32; 4]) -> f64 {
 
 /// Whether the corners of the quads are off a right angle by more than [`SUSPICIOUS`] on average.
 fn are_suspicious(positions: &[DVec3], triangles: &[[u32; 3]], mate: &[u32]) -> bool {
-    let pairs = mate.iter().enumerate().filter(|(t, m)| **m != NONE && **m as usize > *t);
-    let quads = || pairs.clone().filter_map(|(t, m)| quad(triangles[t], triangles[*m as usize]));
-    let mean = |off: &dyn Fn(DVec2) -> f64| {
-        let of_quad = |quad| corners(positions, quad).map(off).iter().sum::<f64>() / 4.0;
-        let (sum, count) = quads().fold((0.0, 0_u32), |(sum, count), quad| (sum + of_quad(quad), count + 1));
-        sum / f64::from(count.max(1))
-    };
     // No angle is larger than its tangent, which takes a fraction of the time and nearly always decides.
     let tangent = |corner: DVec2| if corner.y > 0.0 { (corner.x / corner.y).abs() } else { f64::INFINITY };
-    mean(&tangent) > SUSPICIOUS && mean(&|corner| (angle(corner) - FRAC_PI_2).abs()) > SUSPICIOUS
+    let angle = |corner| (angle(corner) - FRAC_PI_2).abs();
+    mean_of_corners(positions, triangles, mate, tangent) > SUSPICIOUS
+        && mean_of_corners(positions, triangles, mate, angle) > SUSPICIOUS
+}
+
+/// The mean over all corners of all quads.
+fn mean_of_corners(
+    positions: &[DVec3],
+    triangles: &[[u32; 3]],
+    mate: &[u32],
+    of: impl Fn(DVec2) -> f64 + Sync,
+) -> f64 {
+    // Pieces of one size whatever the number of threads, so that the sum has the same bits.
+    const PIECE: usize = 1 << 12;
+    let sums: Vec<[f64; 2]> = (mate.par_chunks(PIECE).enumerate())
+        .map(|(piece, mates)| {
+            let mut sum = [0.0; 2];
+            for (t, mate) in (piece * PIECE..).zip(mates) {
+                if *mate != NONE
+                    && *mate as usize > t
+                    && let Some(quad) = quad(triangles[t], triangles[*mate as usize])
+                {
+                    let [a, b, c, d] = corners(positions, quad).map(&of);
+                    sum = [sum[0] + (a + b + c + d), sum[1] + 4.0];
+                }
+            }
+            sum
+        })
+        .collect();
+    let [sum, count] = sums.into_iter().fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    sum / f64::max(count, 1.0)
 }
 
 /// Two triangles that may become a quad; the queue gives the cheapest first, and of equal ones the first.
@@ -330,53 +359,41 @@ impl Eq for Candidate {}
 struct Neighbours<'a> {
     positions: &'a [DVec3],
     triangles: &'a [[u32; 3]],
-    /// Up to three neighbours of every triangle.
-    of: Vec<[u32; 3]>,
-    /// The misfit of the quad with each; not a number until somebody has asked for it.
-    misfits: Vec<[Cell<f32>; 3]>,
-    /// Ends of the edges that belong to one triangle, or to more than two.
-    border: Vec<[u32; 2]>,
+    edges: &'a Edges,
+    /// The misfit of the quad across each side; not a number until somebody has asked for it.
+    misfits: OnceCell<Vec<Cell<f32>>>,
+    /// Whether a particle is at an edge of one triangle, or of more than two.
+    is_at_border: Vec<bool>,
 }
 
 impl<'a> Neighbours<'a> {
-    fn of(positions: &'a [DVec3], triangles: &'a [[u32; 3]]) -> Self {
-        let mut sides = Vec::with_capacity(3 * triangles.len());
-        for (t, triangle) in triangles.iter().enumerate() {
-            for i in 0..3 {
-                let [a, b] = [triangle[i], triangle[(i + 1) % 3]];
-                sides.push(([a.min(b), a.max(b)], t as u32));
-            }
-        }
-        let sides = sort_by_particle(sides, positions.len(), |(ends, _)| ends[0]);
-        let mut of = vec![[NONE; 3]; triangles.len()];
-        let mut border = Vec::new();
-        for edge in sides.chunk_by(|a, b| a.0 == b.0) {
-            let [(_, one), (_, two)] = *edge else {
-                border.push(edge[0].0);
-                continue;
-            };
-            if quad(triangles[one as usize], triangles[two as usize]).is_none() {
-                continue;
-            }
-            for (t, other) in [(one, two), (two, one)] {
-                if let Some(free) = of[t as usize].iter_mut().find(|n| **n == NONE) {
-                    *free = other;
+    fn of(positions: &'a [DVec3], triangles: &'a [[u32; 3]], edges: &'a Edges) -> Self {
+        let mut is_at_border = vec![false; positions.len()];
+        for (side, [a, b, c]) in (0..).step_by(3).zip(triangles) {
+            for (i, ends) in [[a, b], [b, c], [c, a]].into_iter().enumerate() {
+                if edges.across(side + i as u32).is_none() {
+                    ends.into_iter().for_each(|end| is_at_border[*end as usize] = true);
                 }
             }
         }
-        let misfits = vec![[const { Cell::new(f32::NAN) }; 3]; triangles.len()];
-        Self { positions, triangles, of, misfits, border }
+        Self { positions, triangles, edges, misfits: OnceCell::new(), is_at_border }
     }
 
-    /// The neighbours of a triangle.
+    /// The neighbours of a triangle. No two triangles have the same corners, so that it makes a quad with each.
     fn around(&self, t: u32) -> impl Iterator<Item = u32> {
-        self.of[t as usize].into_iter().filter(|n| *n != NONE)
+        (3 * t..3 * t + 3).filter_map(|side| self.edges.across(side)).map(|side| side / 3)
     }
 
     /// How badly a triangle fits to its neighbour.
     fn misfit(&self, t: u32, neighbour: u32) -> f32 {
-        let Some(i) = self.of[t as usize].iter().position(|n| *n == neighbour) else { return 0.0 };
-        let known = &self.misfits[t as usize][i];
+        let sides = 3 * t..3 * t + 3;
+        let Some(side) =
+            sides.into_iter().find(|s| self.edges.across(*s).is_some_and(|s| s / 3 == neighbour))
+        else {
+            return 0.0;
+        };
+        let misfits = || vec![const { Cell::new(f32::NAN) }; 3 * self.triangles.len()];
+        let known = &self.misfits.get_or_init(misfits)[side as usize];
         if known.get().is_nan() {
             // The same number from either side.
             let quad = self.quad(t.min(neighbour), t.max(neighbour));
@@ -494,18 +511,15 @@ impl<'a> Neighbours<'a> {
 
     /// Vertices that are not on the border.
     fn interior_vertices(&self) -> usize {
-        let mut is_inside = vec![true; self.positions.len()];
-        for end in self.border.as_flattened() {
-            is_inside[*end as usize] = false;
-        }
-        is_inside.iter().filter(|inside| **inside).count()
+        self.is_at_border.iter().filter(|border| !**border).count()
     }
 
     /// Interior vertices with exactly four quads around them.
     fn regular_vertices(&self, mate: &[u32]) -> usize {
         // Quads around each vertex; a triangle or the border spoils it.
         const SPOILT: u32 = u32::MAX / 2;
-        let mut quads = vec![0_u32; self.positions.len()];
+        let mut quads: Vec<u32> =
+            self.is_at_border.iter().map(|border| u32::from(*border) * SPOILT).collect();
         for (t, triangle) in self.triangles.iter().enumerate() {
             let other = mate[t];
             if other == NONE {
@@ -519,9 +533,6 @@ impl<'a> Neighbours<'a> {
                     quads[corner as usize] = (quads[corner as usize] + 1).min(SPOILT);
                 }
             }
-        }
-        for end in self.border.as_flattened() {
-            quads[*end as usize] = SPOILT;
         }
         quads.iter().filter(|count| **count == 4).count()
     }
