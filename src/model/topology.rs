@@ -32,24 +32,16 @@ impl Topology {
     /// straight across a vertex inside exactly four quads; the two border neighbours of a vertex between exactly two quads; the two
     /// neighbours of a particle inside a chain; and in a mesh without any quad the corners opposite an edge between two triangles.
     pub fn of(mesh: &QuadMesh) -> Self {
-        let mut stretch = Pairs::with_capacity(mesh.corners().len() + mesh.edges().len());
-        let mut shear = Pairs::default();
-        for face in mesh.faces() {
-            stretch.push(face[face.len() - 1], face[0]);
-            for side in face.windows(2) {
-                stretch.push(side[0], side[1]);
-            }
-            if let [a, b, c, d] = *face {
-                shear.push(a, c);
-                shear.push(b, d);
-            }
-        }
-        for [a, b] in mesh.edges() {
-            stretch.push(*a, *b);
-        }
-        let has_quads = !shear.0.is_empty();
-        let bend = if has_quads { across_vertices(mesh) } else { across_edges(mesh) };
-        Self { pairs: [stretch, shear, bend].map(|pairs| pairs.unique(mesh.positions.len())) }
+        let unique = |pairs: Pairs| pairs.unique(mesh.positions.len());
+        let (stretch, (shear, bend)) = rayon::join(
+            || unique(along_edges(mesh)),
+            || {
+                let has_quads = mesh.faces().any(|face| face.len() == 4);
+                let bend = || if has_quads { across_vertices(mesh) } else { across_edges(mesh) };
+                rayon::join(|| unique(across_quads(mesh)), || unique(bend()))
+            },
+        );
+        Self { pairs: [stretch, shear, bend] }
     }
 
     /// The pairs of one kind.
@@ -125,6 +117,31 @@ impl Wedges {
     fn each(&self) -> impl Iterator<Item = &[Wedge]> {
         self.starts.windows(2).map(|w| &self.wedges[w[0] as usize..w[1] as usize])
     }
+}
+
+fn along_edges(mesh: &QuadMesh) -> Pairs {
+    let mut stretch = Pairs::with_capacity(mesh.corners().len() + mesh.edges().len());
+    for face in mesh.faces() {
+        stretch.push(face[face.len() - 1], face[0]);
+        for side in face.windows(2) {
+            stretch.push(side[0], side[1]);
+        }
+    }
+    for [a, b] in mesh.edges() {
+        stretch.push(*a, *b);
+    }
+    stretch
+}
+
+fn across_quads(mesh: &QuadMesh) -> Pairs {
+    let mut shear = Pairs::default();
+    for face in mesh.faces() {
+        if let [a, b, c, d] = *face {
+            shear.push(a, c);
+            shear.push(b, d);
+        }
+    }
+    shear
 }
 
 fn across_vertices(mesh: &QuadMesh) -> Pairs {

@@ -151,7 +151,8 @@ fn from_obj(bytes: &[u8], options: &ImportOptions) -> Result<(Import, usize), St
     let mut report = ImportReport { mended, warnings: polygons.warnings, ..ImportReport::default() };
     warn_of_coarse_weld(&mut report.warnings, coarse_weld);
     let surface = options.surface.then(|| obj_surface::read(bytes, &polygons.mesh, &particles));
-    let pinched_particles = edges.pinched(&mesh);
+    let (pinched_particles, components) = rayon::join(|| edges.pinched(&mesh), || mesh.components());
+    report.components = components;
     Ok((Import { mesh, report, surface }, pinched_particles))
 }
 
@@ -160,7 +161,8 @@ struct Part {
     mesh: QuadMesh,
     recovery: QuadRecovery,
     mended: Mended,
-    pinched: usize,
+    /// Particles where pieces only touch, and connected pieces.
+    pieces: (usize, usize),
     surface: Option<Surface>,
 }
 
@@ -198,8 +200,8 @@ fn from_gltf(
             };
             let ngon_encoding = scene.ngon_encoding();
             let quads = || recover(&mesh, &edges, &raw, ngon_encoding);
-            let (Recovered { mut faces, triangles: sources, recovery, is_suspicious }, pinched) =
-                rayon::join(quads, || edges.pinched(&mesh));
+            let (Recovered { mut faces, triangles: sources, recovery, is_suspicious }, pieces) =
+                rayon::join(quads, || (edges.pinched(&mesh), mesh.components()));
             faces.positions = mesh.positions;
             let mesh = faces;
             if is_suspicious {
@@ -218,9 +220,9 @@ fn from_gltf(
                 };
                 scene.surface(instance.mesh, &shown, &faces)
             });
-            *cached = Some(Part { mesh, recovery, mended, pinched, surface });
+            *cached = Some(Part { mesh, recovery, mended, pieces, surface });
         }
-        let Some(Part { mesh, recovery, mended, pinched, surface }) = cached else { continue };
+        let Some(Part { mesh, recovery, mended, pieces, surface }) = cached else { continue };
         scene.spend(mesh.positions.len() + mesh.corners().len())?;
         let first = import.mesh.positions.len();
         import.mesh.append(mesh);
@@ -240,7 +242,8 @@ fn from_gltf(
         total.duplicate_faces += mended.duplicate_faces;
         total.loose_vertices += mended.loose_vertices;
         total.non_manifold_edges += mended.non_manifold_edges;
-        pinched_particles += *pinched;
+        pinched_particles += pieces.0;
+        import.report.components += pieces.1;
     }
     tell_recovery(&mut import.report);
     Ok((import, pinched_particles))
@@ -284,8 +287,6 @@ fn finish(import: &mut Import, pinched_particles: usize) -> Result<(), String> {
     }
     let diagonal = diagonal(&mesh.positions)?;
     report.faces = mesh.face_counts();
-    let (components, crossed_quads) = rayon::join(|| mesh.components(), || crossed_quads(mesh));
-    report.components = components;
     let mended = report.mended;
     let mut count = |count: usize, what: &str| {
         if count > 0 {
@@ -297,7 +298,7 @@ fn finish(import: &mut Import, pinched_particles: usize) -> Result<(), String> {
     count(mended.loose_vertices, "vertices that no face uses were dropped");
     count(mended.non_manifold_edges, "edges have three faces or more; no bend springs cross them");
     count(pinched_particles, "particles join pieces that touch nowhere else");
-    count(crossed_quads, "quads cross themselves: their corners are out of order");
+    count(crossed_quads(mesh), "quads cross themselves: their corners are out of order");
     if !(1e-6..=1e6).contains(&diagonal) {
         report.warnings.push(format!("the mesh is {diagonal:.1e} m across: check the scale"));
     }
