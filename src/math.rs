@@ -1,6 +1,7 @@
 //! The scalar of a simulation, `f32` or `f64`, and its three-vector: the only place that knows both precisions.
 
 pub mod lanes;
+pub mod parts;
 pub mod random;
 
 use glam::{DVec3, Vec3};

@@ -6,6 +6,7 @@ use super::sliced::{Before, Linear, Means, Outside, Slices, Step, Surroundings, 
 use super::springs::SpringParams;
 use super::wind::Wind;
 use crate::math::lanes::LANES;
+use crate::math::parts::each_particle;
 use crate::math::{Real, Vector};
 use crate::model::{Incidence, Numbering, Particles, Springs, Topology};
 use glam::DVec3;
@@ -183,9 +184,12 @@ impl<T: Real> Problem<T> {
     /// The forces from outside the cloth in the state given, at its time: gravity, wind, hands. Overwrites `force` (N).
     pub fn external_forces(&self, state: &Particles<T>, force: &mut [T::Vec3]) {
         let Surroundings { mass, gravity, wind, .. } = self.surroundings(state);
-        for (f, &m) in force.iter_mut().zip(mass) {
-            *f = T::Vec3::ZERO + gravity::force(gravity, m) + wind;
-        }
+        let particles = (&mut *force, &mass[..]);
+        each_particle(particles, self.useful_threads(), |(force, mass): (&mut [T::Vec3], &[T])| {
+            for (f, &m) in force.iter_mut().zip(mass) {
+                *f = T::Vec3::ZERO + gravity::force(gravity, m) + wind;
+            }
+        });
         pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 

@@ -13,6 +13,7 @@
 #[cfg(target_arch = "x86_64")]
 pub(super) mod avx2;
 
+use super::parts::{self, Parts};
 use super::{Real, Vector};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -100,24 +101,9 @@ pub fn run<T: Real, K: Kernel<T>>(kernel: K) -> K::Output {
     kernel.run::<Plain<T>>(())
 }
 
-/// Work on a row of things that threads can share.
-pub trait Parts: Sized + Send {
-    /// How many things.
-    fn count(&self) -> usize;
-    /// The work on those before one of them, and on the rest.
-    fn split_at(self, at: usize) -> (Self, Self);
-}
-
 /// Runs a kernel on so many threads of the current pool, each with as many whole `unit`s of things as any other.
 pub fn share<T: Real, K: Kernel<T, Output = ()> + Parts>(kernel: K, unit: usize, threads: usize) {
-    let units = kernel.count().div_ceil(unit);
-    if threads < 2 || units < 2 {
-        run(kernel);
-        return;
-    }
-    let few = threads / 2;
-    let (one, other) = kernel.split_at(unit * (units * few / threads).max(1));
-    rayon::join(|| share(one, unit, few), || share(other, unit, threads - few));
+    parts::share(kernel, unit, threads, &run);
 }
 
 /// Eight numbers in an array: what lanes mean, and what they are where the processor has nothing better.

@@ -2,7 +2,8 @@
 
 use crate::forces::Problem;
 use crate::math::Real;
-use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
+use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::parts::Parts;
 use crate::model::Particles;
 
 /// v += dt f / m, then x += dt v with the new velocity.

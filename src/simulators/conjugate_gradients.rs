@@ -11,7 +11,8 @@
 
 use super::blocks;
 use crate::forces::PRODUCT_BLOCK;
-use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
+use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::parts::Parts;
 use crate::math::{Real, Vector};
 
 /// A vector of each particle, by component in eights, the last ones 0.
@@ -23,10 +24,9 @@ const BLOCK: usize = PRODUCT_BLOCK / LANES;
 /// The vectors that the iteration works on.
 #[derive(Clone, Debug)]
 pub(super) struct ConjugateGradients<T: Real> {
-    /// The diagonal blocks, filled in by the caller: xx, yy, zz and xy, xz, yz.
-    pub own: [Eights<T>; 2],
-    /// Their inverses; zero for a particle whose unknown is fixed at 0.
-    inverse: [Eights<T>; 2],
+    /// The diagonal blocks, filled in by the caller: xx, yy, zz and xy, xz, yz. Once they are inverted, the preconditioner, zero
+    /// for a particle whose unknown is fixed at 0.
+    pub blocks: [Eights<T>; 2],
     solution: Eights<T>,
     /// What remains of the right-hand side.
     residual: Eights<T>,
@@ -39,8 +39,7 @@ pub(super) struct ConjugateGradients<T: Real> {
 impl<T: Real> Default for ConjugateGradients<T> {
     fn default() -> Self {
         Self {
-            own: <_>::default(),
-            inverse: <_>::default(),
+            blocks: <_>::default(),
             solution: Vec::new(),
             residual: Vec::new(),
             direction: Vec::new(),
@@ -79,18 +78,17 @@ impl<T: Real> ConjugateGradients<T> {
     /// Makes room for so many particles.
     pub fn hold(&mut self, particles: usize) {
         let none = [[T::ZERO; LANES]; 3];
-        let Self { own, inverse, solution, residual, direction, image, products } = self;
-        for vector in own.iter_mut().chain(inverse).chain([solution, residual, direction, image]) {
+        let Self { blocks, solution, residual, direction, image, products } = self;
+        for vector in blocks.iter_mut().chain([solution, residual, direction, image]) {
             vector.resize(particles.div_ceil(LANES), none);
         }
         products.resize(particles.div_ceil(PRODUCT_BLOCK), [T::ZERO; LANES]);
     }
 
-    /// Inverts the diagonal blocks, where the inverse masses given are not 0.
+    /// Makes the diagonal blocks their inverses, where the inverse masses given are not 0.
     pub fn precondition(&mut self, inverse_mass: &[T], threads: usize) {
-        let ([own, own_off], [to, to_off]) = (&self.own, &mut self.inverse);
-        let kernel = Invert { own: [own, own_off], to: [to, to_off], free: inverse_mass };
-        lanes::share(kernel, BLOCK, threads);
+        let [diagonal, off] = &mut self.blocks;
+        lanes::share(Invert { diagonal, off, free: inverse_mass }, BLOCK, threads);
     }
 
     /// Solves for `x` from 0; `multiply` writes the product of the matrix with its first argument over its second, and the
@@ -144,7 +142,7 @@ impl<T: Real> ConjugateGradients<T> {
     /// Goes a stride in the direction. The image is no longer needed then: it takes the preconditioned residual. Answers with
     /// the square of the residual's norm.
     fn advance(&mut self, stride: T, threads: usize) -> f64 {
-        let Self { inverse: [diagonal, off], solution: x, residual, direction, image, products, .. } = self;
+        let Self { blocks: [diagonal, off], solution: x, residual, direction, image, products, .. } = self;
         let inverse = [&diagonal[..], off];
         lanes::share(Advance { stride, x, residual, image, products, direction, inverse }, BLOCK, threads);
         sum(&self.products)
@@ -318,28 +316,25 @@ impl<T: Real> Kernel<T> for Turn<'_, T> {
     }
 }
 
-/// The inverses of blocks.
+/// Inverts blocks where they stand.
 struct Invert<'a, T> {
-    own: [&'a [[[T; LANES]; 3]]; 2],
-    to: [&'a mut [[[T; LANES]; 3]]; 2],
+    diagonal: &'a mut [[[T; LANES]; 3]],
+    off: &'a mut [[[T; LANES]; 3]],
     /// Above 0 where there is an unknown.
     free: &'a [T],
 }
 
 impl<T: Real> Parts for Invert<'_, T> {
     fn count(&self) -> usize {
-        self.own[0].len()
+        self.diagonal.len()
     }
 
     fn split_at(self, at: usize) -> (Self, Self) {
-        let Self { own, to, free } = self;
-        let [(own, more_own), (own_off, more_own_off)] = own.map(|blocks| blocks.split_at(at));
-        let [(to, more_to), (to_off, more_to_off)] = to.map(|blocks| blocks.split_at_mut(at));
+        let Self { diagonal, off, free } = self;
+        let (diagonal, more_diagonal) = diagonal.split_at_mut(at);
+        let (off, more_off) = off.split_at_mut(at);
         let (free, more) = free.split_at(at * LANES);
-        (
-            Self { own: [own, own_off], to: [to, to_off], free },
-            Self { own: [more_own, more_own_off], to: [more_to, more_to_off], free: more },
-        )
+        (Self { diagonal, off, free }, Self { diagonal: more_diagonal, off: more_off, free: more })
     }
 }
 
@@ -348,15 +343,14 @@ impl<T: Real> Kernel<T> for Invert<'_, T> {
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) {
-        let ([own, own_off], [to, to_off]) = (self.own, self.to);
-        let (own, to) = (own.iter().zip(own_off), to.iter_mut().zip(to_off));
-        for (((diagonal, off), (to_diagonal, to_off)), free) in own.zip(to).zip(self.free.chunks(LANES)) {
+        let blocks = self.diagonal.iter_mut().zip(self.off);
+        for ((diagonal, off), free) in blocks.zip(self.free.chunks(LANES)) {
             let mut some = [T::ZERO; LANES];
             some[..free.len()].copy_from_slice(free);
             let some = L::of(with, some);
-            let (diagonal, off) = blocks::inverse::<T, L>(with, load(with, diagonal), load(with, off));
-            *to_diagonal = store(where_positive(diagonal, some));
-            *to_off = store(where_positive(off, some));
+            let (inverse, inverse_off) = blocks::inverse::<T, L>(with, load(with, diagonal), load(with, off));
+            *diagonal = store(where_positive(inverse, some));
+            *off = store(where_positive(inverse_off, some));
         }
     }
 }
@@ -394,7 +388,7 @@ mod tests {
             let (mut gradients, mut linear) = (ConjugateGradients::default(), Linear::default());
             problem.linearise(&positions, 0.1, &mut linear);
             gradients.hold(positions.len());
-            let [diagonal, off] = &mut gradients.own;
+            let [diagonal, off] = &mut gradients.blocks;
             problem.own_blocks(&linear, &problem.mass, [diagonal, off]);
             gradients.precondition(&problem.inverse_mass, threads);
             let enough = Enough {

@@ -6,6 +6,7 @@
 //! method and every solver of springs as constraints starts from these two.
 
 use crate::forces::{Cost, Problem};
+use crate::math::parts::each_particle;
 use crate::math::{Real, Vector};
 use crate::model::Particles;
 
@@ -23,26 +24,30 @@ pub(super) struct Inertia<T: Real> {
 impl<T: Real> Inertia<T> {
     /// Prepares a step of `h` (s) from the positions and velocities given, with forces of the time given.
     pub fn begin(&mut self, problem: &Problem<T>, state: &Particles<T>, h: T) {
+        let (particles, threads) = (state.len(), problem.useful_threads());
         let air = h * problem.air_damping;
-        self.mass.clear();
-        self.mass.extend(problem.mass.iter().map(|&m| m + air));
-        for pull in &problem.pulls {
-            self.mass[pull.particle as usize] += h * pull.damping + h * h * pull.stiffness;
-        }
-        self.inverse.clear();
-        let free = |w: T| w > T::ZERO;
-        let inverses = self.mass.iter().zip(&problem.inverse_mass);
-        self.inverse.extend(inverses.map(|(&m, &w)| if free(w) { T::ONE / m } else { T::ZERO }));
-
-        self.velocity.resize(state.len(), T::Vec3::ZERO);
+        self.mass.resize(particles, T::ZERO);
+        let masses = (&mut self.mass[..], &problem.mass[..]);
+        each_particle(masses, threads, |(mass, own)| {
+            mass.iter_mut().zip(own).for_each(|(mass, &m)| *mass = m + air);
+        });
+        self.velocity.resize(particles, T::Vec3::ZERO);
         problem.external_forces(state, &mut self.velocity);
         for pull in &problem.pulls {
             let i = pull.particle as usize;
+            self.mass[i] += h * pull.damping + h * h * pull.stiffness;
             self.velocity[i] -= state.velocities[i] * (h * pull.stiffness);
         }
-        for ((f, &v), &w) in self.velocity.iter_mut().zip(&state.velocities).zip(&self.inverse) {
-            *f = v + (*f - v * problem.air_damping) * (h * w);
-        }
+        self.inverse.resize(particles, T::ZERO);
+        let inverses = (&mut self.inverse[..], &problem.inverse_mass[..], &self.mass[..]);
+        let forces = (&mut self.velocity[..], &state.velocities[..]);
+        each_particle((inverses, forces), threads, |((inverse, own, mass), (force, velocity))| {
+            let masses = inverse.iter_mut().zip(own).zip(mass);
+            for (((inverse, &w), &m), (f, &v)) in masses.zip(force.iter_mut().zip(velocity)) {
+                *inverse = if w > T::ZERO { T::ONE / m } else { T::ZERO };
+                *f = v + (*f - v * problem.air_damping) * (h * *inverse);
+            }
+        });
     }
 
     /// What is left of the equations of a step of `h` (s): M̂ (v̂ - v) + h F_springs, N s; zero where a particle is pinned or held.
@@ -57,10 +62,14 @@ impl<T: Real> Inertia<T> {
         residual.clear();
         residual.resize(state.len(), T::Vec3::ZERO);
         problem.add_spring_forces(state, residual, cost);
-        let particles = self.mass.iter().zip(&self.inverse).zip(&self.velocity).zip(&state.velocities);
-        for (r, (((&m, &w), &free), &v)) in residual.iter_mut().zip(particles) {
-            *r = if w > T::ZERO { (free - v) * m + *r * h } else { T::Vec3::ZERO };
-        }
+        let inertia = (&self.mass[..], &self.inverse[..], &self.velocity[..]);
+        let particles = (&mut residual[..], inertia, &state.velocities[..]);
+        each_particle(particles, problem.useful_threads(), |(residual, (mass, inverse, free), velocity)| {
+            let particles = mass.iter().zip(inverse).zip(free).zip(velocity);
+            for (r, (((&m, &w), &free), &v)) in residual.iter_mut().zip(particles) {
+                *r = if w > T::ZERO { (free - v) * m + *r * h } else { T::Vec3::ZERO };
+            }
+        });
     }
 
     /// Puts right what a solver that stopped short left of the total momentum, which springs cannot change, and answers
@@ -77,20 +86,5 @@ impl<T: Real> Inertia<T> {
         let shift = if mass > T::ZERO { missing * (T::ONE / mass) } else { T::Vec3::ZERO };
         velocities.iter_mut().for_each(|v| *v += shift);
         shift
-    }
-}
-
-/// v = (x - start) / h, for methods that find positions; a particle that is pinned or held keeps its velocity.
-pub(super) fn velocities_of_the_way<T: Real>(
-    start: &[T::Vec3],
-    state: &mut Particles<T>,
-    h: T,
-    inverse_mass: &[T],
-) {
-    let ways = state.positions.iter().zip(start).zip(inverse_mass);
-    for (v, ((&x, &start), &w)) in state.velocities.iter_mut().zip(ways) {
-        if w > T::ZERO {
-            *v = (x - start) * (T::ONE / h);
-        }
     }
 }

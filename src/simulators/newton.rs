@@ -12,6 +12,7 @@
 use super::conjugate_gradients::{ConjugateGradients, Enough};
 use super::inertia::Inertia;
 use crate::forces::{Cost, Linear, Problem};
+use crate::math::parts::each_particle;
 use crate::math::{Real, Vector};
 use crate::model::Particles;
 
@@ -87,7 +88,7 @@ impl<T: Real> Newton<T> {
         self.inertia.begin(problem, state, h);
         self.start.clone_from(&state.positions);
         let smallest = self.smallest_correction(problem, accuracy.tolerance);
-        self.place(state, h);
+        self.place(state, h, problem.useful_threads());
         self.inertia.residual(problem, state, h, &mut self.residual, cost);
         let single = accuracy.newton_steps == 1;
         let (mut left, mut worst) = (f64::INFINITY, 0);
@@ -117,7 +118,7 @@ impl<T: Real> Newton<T> {
             let (farthest, square) = longest::<T>(change);
             (left, worst) = (if single { linear } else { linear.max(correction(square)) }, farthest);
             if left <= 1.0 || single {
-                self.go(state, h, T::ONE);
+                self.go(state, h, T::ONE, problem.useful_threads());
                 break;
             }
             self.go_downhill(problem, state, h, cost);
@@ -145,18 +146,22 @@ impl<T: Real> Newton<T> {
     }
 
     /// x = x0 + h v.
-    fn place(&self, state: &mut Particles<T>, h: T) {
-        for ((x, &start), &v) in state.positions.iter_mut().zip(&self.start).zip(&state.velocities) {
-            *x = start + v * h;
-        }
+    fn place(&self, state: &mut Particles<T>, h: T, threads: usize) {
+        let ways = (&mut state.positions[..], &self.start[..], &state.velocities[..]);
+        each_particle(ways, threads, |(positions, start, velocities)| {
+            for ((x, &start), &v) in positions.iter_mut().zip(start).zip(velocities) {
+                *x = start + v * h;
+            }
+        });
     }
 
     /// Adds a part of the change found.
-    fn go(&self, state: &mut Particles<T>, h: T, part: T) {
-        for (v, &change) in state.velocities.iter_mut().zip(&self.change) {
-            *v += change * part;
-        }
-        self.place(state, h);
+    fn go(&self, state: &mut Particles<T>, h: T, part: T, threads: usize) {
+        let changes = (&mut state.velocities[..], &self.change[..]);
+        each_particle(changes, threads, |(velocities, changes)| {
+            velocities.iter_mut().zip(changes).for_each(|(v, &change)| *v += change * part);
+        });
+        self.place(state, h, threads);
     }
 
     /// Adds as much of the change as does not lead past the lowest energy on its way by more than half of the slope that it
@@ -166,7 +171,7 @@ impl<T: Real> Newton<T> {
         const SHORTENED: u32 = 20;
         let slope = dot::<T>(&self.residual, &self.change);
         let mut part = 1.0;
-        self.go(state, h, T::ONE);
+        self.go(state, h, T::ONE, problem.useful_threads());
         self.inertia.residual(problem, state, h, &mut self.residual, cost);
         for _ in 0..SHORTENED {
             let here = dot::<T>(&self.residual, &self.change);
@@ -174,7 +179,7 @@ impl<T: Real> Newton<T> {
                 break;
             }
             let shorter = part * (slope / (slope - here)).clamp(0.1, 0.9);
-            self.go(state, h, T::from_f64(shorter - part));
+            self.go(state, h, T::from_f64(shorter - part), problem.useful_threads());
             part = shorter;
             self.inertia.residual(problem, state, h, &mut self.residual, cost);
         }
@@ -185,7 +190,7 @@ impl<T: Real> Newton<T> {
         let Self { gradients, springs, inertia, .. } = self;
         problem.linearise(&state.positions, h, springs);
         gradients.hold(state.len());
-        let [diagonal, off] = &mut gradients.own;
+        let [diagonal, off] = &mut gradients.blocks;
         problem.own_blocks(springs, &inertia.mass, [diagonal, off]);
         gradients.precondition(&inertia.inverse, problem.useful_threads());
     }

@@ -14,7 +14,9 @@ mod wide;
 
 use crate::forces::Problem;
 use crate::math::lanes::LANES;
+use crate::math::parts::each_particle;
 use crate::math::{Real, Vector, lanes};
+use crate::model::Particles;
 use rayon::prelude::*;
 
 /// Least number of particles in a tile: few enough for the first cache, many beside those at the borders.
@@ -141,17 +143,24 @@ impl<T: Real> Sweep<T> {
         self.taken = (problem.revision(), Order::Creation);
     }
 
-    /// Takes the particles over, with their weights.
-    pub fn enter(&mut self, positions: &[T::Vec3], weights: impl Iterator<Item = T>) {
-        self.places.clear();
-        self.places.extend(positions.iter().zip(weights).map(|(x, w)| quad(*x, w)));
+    /// The places of so many particles, to be filled in.
+    pub fn places(&mut self, particles: usize) -> &mut [[T; 4]] {
+        self.places.resize(particles, [T::ZERO; 4]);
+        &mut self.places
     }
 
-    /// Gives the particles back.
-    pub fn leave(&self, positions: &mut [T::Vec3]) {
-        for (x, place) in positions.iter_mut().zip(&self.places) {
-            *x = point(place);
-        }
+    /// Takes the particles of a step of `h` (s) to their places; v = (x - start) / h where they can move.
+    pub fn leave(&self, state: &mut Particles<T>, h: T, inverse_mass: &[T], threads: usize) {
+        let moved = (&mut state.positions[..], &mut state.velocities[..], &self.places[..], inverse_mass);
+        each_particle(moved, threads, |(positions, velocities, places, inverse_mass)| {
+            let places = places.iter().zip(inverse_mass);
+            for ((x, v), (place, &w)) in positions.iter_mut().zip(velocities).zip(places) {
+                let start = std::mem::replace(x, point(place));
+                if w > T::ZERO {
+                    *v = (*x - start) * (T::ONE / h);
+                }
+            }
+        });
     }
 
     /// Puts every spring to its rest length; of the correction each end makes the share w_i / (w_i + w_j).
@@ -163,16 +172,20 @@ impl<T: Real> Sweep<T> {
     }
 
     /// Begins the step of compliant springs from these positions.
-    pub fn begin(&mut self, start: &[T::Vec3], compliance: &Compliance<T>) {
+    pub fn begin(&mut self, start: &[T::Vec3], compliance: &Compliance<T>, threads: usize) {
         let is_damped = compliance.all > T::ZERO;
         for part in self.tiles.iter_mut().chain(&mut self.strips).chain([&mut self.far]) {
             let eights = part.pairs.len();
             part.tension.resize(eights, [T::ZERO; LANES]);
             part.friction.resize(if is_damped { eights } else { 0 }, [[T::ZERO; LANES]; 3]);
         }
-        self.starts.clear();
         if is_damped || compliance.along > T::ZERO {
-            self.starts.extend(start.iter().map(|x| quad(*x, T::ZERO)));
+            self.starts.resize(start.len(), [T::ZERO; 4]);
+            each_particle((&mut self.starts[..], start), threads, |(starts, from)| {
+                starts.iter_mut().zip(from).for_each(|(start, x)| *start = quad(*x, T::ZERO));
+            });
+        } else {
+            self.starts.clear();
         }
     }
 
@@ -224,7 +237,8 @@ fn relax_one<T: Real>(places: &mut [[T; 4]], pair: [u32; 2], rest: T) {
     }
 }
 
-fn quad<T: Real>(x: T::Vec3, w: T) -> [T; 4] {
+/// A place, and a weight.
+pub(super) fn quad<T: Real>(x: T::Vec3, w: T) -> [T; 4] {
     let [x, y, z] = x.to_array();
     [x, y, z, w]
 }
@@ -337,7 +351,8 @@ mod tests {
         sweep.in_tiles(&problem);
         let positions: Vec<T::Vec3> = (0..PARTICLES).map(|i| place::<T>(i, 1.0)).collect();
         let weight = |i: usize| T::from_f64(if i < 100 { 0.0 } else { (i as f64 * 0.37).cos().abs() * 0.8 });
-        sweep.enter(&positions, (0..PARTICLES).map(weight));
+        let places = sweep.places(PARTICLES).iter_mut().enumerate();
+        places.for_each(|(i, place)| *place = quad(positions[i], weight(i)));
         (problem, sweep)
     }
 
@@ -430,7 +445,7 @@ mod tests {
             assert!(one_by_one.iter().flatten().all(|x| x.to_f64().is_finite()));
             for parallel in [false, true] {
                 sweep.places.clone_from(&start);
-                sweep.begin(&starts, &compliance);
+                sweep.begin(&starts, &compliance, 1);
                 for number in 0..3 {
                     let turn = Turn { is_first: number == 0, is_last: number == 2 };
                     sweep.comply(&compliance, turn, parallel);

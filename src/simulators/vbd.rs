@@ -18,7 +18,7 @@
 mod descent;
 
 use super::chebyshev::Chebyshev;
-use super::inertia::{Inertia, velocities_of_the_way};
+use super::inertia::Inertia;
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::{Real, Vector};
@@ -87,7 +87,11 @@ impl Simulator for Vbd {
         cost.solver_iterations += u64::from(self.iterations);
         cost.spring_visits += 2 * u64::from(self.iterations) * problem.springs.len() as u64;
         state.memory.vectors.clone_from(&state.velocities);
-        velocities_of_the_way(&scratch.start, state, dt, &scratch.inertia.inverse);
+        let Particles { positions, velocities, .. } = &mut *state;
+        let ways = positions.iter().zip(&scratch.start).zip(&scratch.inertia.inverse);
+        for (v, ((&x, &start), _)) in velocities.iter_mut().zip(ways).filter(|(_, (_, w))| **w > T::ZERO) {
+            *v = (x - start) * (T::ONE / dt);
+        }
         let shift = scratch.inertia.keep_momentum(&mut state.velocities);
         state.positions.iter_mut().for_each(|x| *x += shift * dt);
     }

@@ -14,11 +14,11 @@
 //! It solves another model than the springs: stiffness and spring damping are ignored, and how stiff the cloth looks is
 //! a matter of dt and sweeps. Any dt stays bounded. A coloured sweep costs about two force evaluations.
 
-use super::inertia::velocities_of_the_way;
-use super::sweep::Sweep;
+use super::sweep::{Sweep, quad};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
+use crate::math::parts::each_particle;
 use crate::model::Particles;
 
 crate::choice! {
@@ -73,7 +73,6 @@ crate::params! {
 #[derive(Debug, Default)]
 pub struct Buffers<T: Real> {
     force: Vec<T::Vec3>,
-    start: Vec<T::Vec3>,
     sweep: Sweep<T>,
 }
 
@@ -93,30 +92,31 @@ impl Simulator for Verlet {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { force, start, sweep } = scratch;
+        let Buffers { force, sweep } = scratch;
+        let threads = problem.useful_threads();
         force.resize(state.len(), T::Vec3::default());
         problem.external_forces(state, force);
         cost.force_evaluations += 1;
-        start.clone_from(&state.positions);
-
-        let mut kept = KeptVelocity { method: self, problem, dt, mass: T::ZERO, ratio: T::ONE };
-        for (i, (x, v)) in state.positions.iter_mut().zip(&state.velocities).enumerate() {
-            let w = problem.inverse_mass[i];
-            let ratio = if w > T::ZERO { kept.ratio(problem.mass[i]) } else { T::ONE };
-            *x += (*v * ratio + force[i] * (w * dt)) * dt;
-        }
         match self.order {
             Order::Creation => sweep.by_creation(problem),
             Order::Coloured => sweep.in_tiles(problem),
         }
-        let free = problem.inverse_mass.iter();
-        match self.correction {
-            Correction::HalfHalf => {
-                let weight = |w: &T| if *w > T::ZERO { T::ONE } else { T::ZERO };
-                sweep.enter(&state.positions, free.map(weight));
+        let weight = |w: T| match self.correction {
+            Correction::HalfHalf => T::ONE,
+            Correction::MassWeighted => w,
+        };
+        let masses = (&problem.mass[..], &problem.inverse_mass[..]);
+        let states = (&state.positions[..], &state.velocities[..], &force[..]);
+        let particles = (sweep.places(state.len()), states, masses);
+        each_particle(particles, threads, |(places, (positions, velocities, force), (mass, inverse_mass))| {
+            let mut kept = KeptVelocity { method: self, problem, dt, mass: T::ZERO, ratio: T::ONE };
+            let masses = mass.iter().zip(inverse_mass);
+            let states = positions.iter().zip(velocities).zip(force);
+            for ((place, ((&x, &v), &f)), (&m, &w)) in places.iter_mut().zip(states).zip(masses) {
+                let (ratio, weight) = if w > T::ZERO { (kept.ratio(m), weight(w)) } else { (T::ONE, T::ZERO) };
+                *place = quad(x + (v * ratio + f * (w * dt)) * dt, weight);
             }
-            Correction::MassWeighted => sweep.enter(&state.positions, free.copied()),
-        }
+        });
         for _ in 0..self.sweeps {
             if problem.is_stopped() {
                 return;
@@ -124,8 +124,7 @@ impl Simulator for Verlet {
             sweep.relax(problem.parallel());
             cost.spring_visits += problem.springs.len() as u64;
         }
-        sweep.leave(&mut state.positions);
-        velocities_of_the_way(start, state, dt, &problem.inverse_mass);
+        sweep.leave(state, dt, &problem.inverse_mass, threads);
     }
 
     /// Relaxation only ever shortens errors of length, so theory sets no limit.

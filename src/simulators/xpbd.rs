@@ -15,11 +15,12 @@
 //! force evaluations, damped in all directions four. Many substeps of one iteration beat one step of many iterations: choose it for stiff
 //! cloth within a fixed budget, where an explicit method would need a smaller dt than the budget allows.
 
-use super::inertia::{Inertia, velocities_of_the_way};
-use super::sweep::{Compliance, Sweep, Turn};
+use super::inertia::Inertia;
+use super::sweep::{Compliance, Sweep, Turn, quad};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
+use crate::math::parts::each_particle;
 use crate::model::Particles;
 
 crate::choice! {
@@ -48,8 +49,6 @@ crate::params! {
 #[derive(Debug, Default)]
 pub struct Buffers<T: Real> {
     inertia: Inertia<T>,
-    /// Positions at the start of the substep, m.
-    start: Vec<T::Vec3>,
     sweep: Sweep<T>,
 }
 
@@ -97,21 +96,25 @@ impl Xpbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { inertia, start, sweep } = scratch;
+        let Buffers { inertia, sweep } = scratch;
+        let threads = problem.useful_threads();
         inertia.begin(problem, state, h);
         cost.force_evaluations += 1;
-        start.clone_from(&state.positions);
-        for (x, &v) in state.positions.iter_mut().zip(&inertia.velocity) {
-            *x += v * h;
-        }
         let damping = h * problem.spring_damping;
         let (along, all) = match self.damping {
             DampingDirection::AllDirections => (T::ZERO, damping),
             DampingDirection::Along => (damping, T::ZERO),
         };
         let compliance = Compliance { square: h * h, along, all };
-        sweep.enter(&state.positions, inertia.inverse.iter().copied());
-        sweep.begin(start, &compliance);
+        let free = (&inertia.velocity[..], &inertia.inverse[..]);
+        let particles = (sweep.places(state.len()), &state.positions[..], free);
+        each_particle(particles, threads, |(places, positions, (velocities, inverse))| {
+            let free = velocities.iter().zip(inverse);
+            for ((place, &x), (&v, &w)) in places.iter_mut().zip(positions).zip(free) {
+                *place = quad(x + v * h, w);
+            }
+        });
+        sweep.begin(&state.positions, &compliance, threads);
         for iteration in 1..=self.iterations {
             if problem.is_stopped() {
                 return;
@@ -119,10 +122,9 @@ impl Xpbd {
             let turn = Turn { is_first: iteration == 1, is_last: iteration == self.iterations };
             sweep.comply(&compliance, turn, problem.parallel());
         }
-        sweep.leave(&mut state.positions);
+        sweep.leave(state, h, &inertia.inverse, threads);
         cost.solver_iterations += u64::from(self.iterations);
         cost.spring_visits += u64::from(self.iterations) * problem.springs.len() as u64;
-        velocities_of_the_way(start, state, h, &inertia.inverse);
         // Dividing positions by a short h enlarges their rounding, which would let momentum drift.
         inertia.keep_momentum(&mut state.velocities);
     }

@@ -13,7 +13,8 @@ use super::pulls::masses;
 use super::{BLOCK, Slices, end_before};
 use crate::forces::springs::resistance;
 use crate::math::Real;
-use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
+use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::parts::Parts;
 use crate::model::Springs;
 
 /// The four numbers of eight springs: a, kg, and u, √kg, by component.

@@ -11,7 +11,8 @@
 )]
 
 use super::{ALL, APART, BLOCK, Row, SLACK, SPAN, Slices, end_before};
-use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
+use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::parts::Parts;
 use crate::math::{Real, Vector};
 
 /// Eight springs: their kind, and their number among the rows or among the lists of loose ones.

@@ -9,7 +9,8 @@ use super::Slices;
 use super::pass::{Eight, Field, Fields, Law, Sums, Vectors, Window};
 use crate::forces::springs::pull;
 use crate::forces::{air_damping, gravity};
-use crate::math::lanes::{LANES, Lanes, Parts};
+use crate::math::lanes::{LANES, Lanes};
+use crate::math::parts::Parts;
 use crate::math::{Real, Vector};
 use crate::model::{Particles, Springs};
 

@@ -10,7 +10,8 @@
 
 use crate::forces::Problem;
 use crate::forces::springs::{pull, resistance};
-use crate::math::lanes::{self, Kernel, LANES, Lanes, Parts};
+use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::parts::Parts;
 use crate::math::{Real, Vector};
 use crate::simulators::blocks;
 use crate::simulators::colouring::Colours;
