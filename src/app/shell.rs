@@ -139,13 +139,22 @@ struct Open<C> {
     rested_at: Instant,
 }
 
+/// The smallest window, logical pixels.
+const LEAST: [f32; 2] = [640.0, 400.0];
+
 impl<C: Content, B: FnOnce(&Stage<'_>) -> C> Shell<C, B> {
     fn open(&mut self, event_loop: &ActiveEventLoop, build: B) -> Result<Open<C>, ShellError> {
-        let [width, height] = self.opening.size;
+        let [mut width, mut height] = self.opening.size;
+        // No larger than the screen, which not every window manager sees to.
+        if let Some(screen) = event_loop.primary_monitor().or_else(|| event_loop.available_monitors().next())
+        {
+            let room = screen.size().to_logical::<f32>(screen.scale_factor());
+            (width, height) = (width.min(room.width.max(LEAST[0])), height.min(room.height.max(LEAST[1])));
+        }
         let attributes = Window::default_attributes()
             .with_title(&self.opening.title)
             .with_inner_size(LogicalSize::new(width, height))
-            .with_min_inner_size(LogicalSize::new(640.0, 400.0))
+            .with_min_inner_size(LogicalSize::new(LEAST[0], LEAST[1]))
             .with_maximized(self.opening.maximized);
         let window = event_loop
             .create_window(attributes)

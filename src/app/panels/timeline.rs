@@ -32,8 +32,8 @@ pub fn timeline_ui(ui: &mut Ui, session: &mut Session, megabytes: &mut u32) {
             let field = ui.add(field);
             field.widget_info(|| WidgetInfo::drag_value(true, f64::from(*megabytes)));
             field.on_hover_text("Memory that states of the past may take; farther back fewer are kept");
-            ui.label(RichText::new(format!("{:.0} s in {:.1} of", to - from, used as f64 / 1e6)).weak())
-                .on_hover_text("Simulated time that is remembered, and the memory that it takes, MB");
+            ui.label(RichText::new(format!("{:.0} s in {} of", to - from, in_words(used))).weak())
+                .on_hover_text("Simulated time that is remembered, and the memory that it takes");
             if let Some([time, seconds]) = session.state().replay {
                 ui.label(RichText::new(format!("replay {time:.1} of {seconds:.1} s")).strong())
                     .on_hover_text("What was recorded is done again; taking hold of the cloth ends it");
@@ -54,6 +54,14 @@ pub fn timeline_ui(ui: &mut Ui, session: &mut Session, megabytes: &mut u32) {
 /// Megabytes as bytes.
 fn bytes(megabytes: u32) -> usize {
     megabytes as usize * 1_000_000
+}
+
+/// So many bytes.
+fn in_words(bytes: usize) -> String {
+    match bytes as f64 {
+        few if few < 1e6 => format!("{:.0} kB", few / 1e3),
+        many => format!("{:.1} MB", many / 1e6),
+    }
 }
 
 /// A time before the last moment.
