@@ -87,28 +87,18 @@ impl<T: Real> Kernel<T> for Component<'_, T> {
     fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) -> T {
         let (from, last_from) = T::Vec3::flat(self.from).as_chunks::<LANES>();
         let (to, last_to) = T::Vec3::flat(self.to).as_chunks::<LANES>();
-        // Four chains, or each comparison would wait for the one before it.
-        let [mut a, mut b, mut c, mut d] = [L::splat(with, T::ZERO); 4];
-        let ((from, rest_from), (to, rest_to)) = (from.as_chunks::<4>(), to.as_chunks::<4>());
-        for ([from_a, from_b, from_c, from_d], [to_a, to_b, to_c, to_d]) in from.iter().zip(to) {
-            a = square_of_way::<T, L>(with, from_a, to_a).max(a);
-            b = square_of_way::<T, L>(with, from_b, to_b).max(b);
-            c = square_of_way::<T, L>(with, from_c, to_c).max(c);
-            d = square_of_way::<T, L>(with, from_d, to_d).max(d);
-        }
-        for (from, to) in rest_from.iter().zip(rest_to) {
-            a = square_of_way::<T, L>(with, from, to).max(a);
+        let [mut one, mut other] = [L::splat(with, T::ZERO); 2];
+        for (from, to) in from.chunks(2).zip(to.chunks(2)) {
+            let way = L::of(with, to[0]) - L::of(with, from[0]);
+            one = (way * way).max(one);
+            if let ([_, from], [_, to]) = (from, to) {
+                let way = L::of(with, *to) - L::of(with, *from);
+                other = (way * way).max(other);
+            }
         }
         let ways = last_from.iter().zip(last_to).map(|(&from, &to)| (to - from) * (to - from));
-        ways.fold(largest(a.max(b).max(c.max(d)), T::ZERO), |most, way| larger(way, most))
+        ways.fold(largest(one.max(other), T::ZERO), |most, way| larger(way, most))
     }
-}
-
-#[expect(clippy::inline_always, reason = "a kernel")]
-#[inline(always)]
-fn square_of_way<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, from: &[T; LANES], to: &[T; LANES]) -> L {
-    let way = L::of(with, *to) - L::of(with, *from);
-    way * way
 }
 
 /// The square of the longest way of a particle, m².
