@@ -184,7 +184,7 @@ impl<T: Real> Problem<T> {
     /// The forces from outside the cloth in the state given, at its time: gravity, wind, hands. Overwrites `force` (N).
     pub fn external_forces(&self, state: &Particles<T>, force: &mut [T::Vec3]) {
         let Surroundings { mass, gravity, wind, .. } = self.surroundings(state);
-        let particles = (&mut *force, &mass[..]);
+        let particles = (&mut *force, mass);
         each_particle(particles, self.useful_threads(), |(force, mass): (&mut [T::Vec3], &[T])| {
             for (f, &m) in force.iter_mut().zip(mass) {
                 *f = T::Vec3::ZERO + gravity::force(gravity, m) + wind;

@@ -161,8 +161,8 @@ struct Part {
     mesh: QuadMesh,
     recovery: QuadRecovery,
     mended: Mended,
-    /// Particles where pieces only touch, and connected pieces.
-    pieces: (usize, usize),
+    pinched_particles: usize,
+    components: usize,
     surface: Option<Surface>,
 }
 
@@ -177,7 +177,7 @@ fn from_gltf(
     let none = options.surface.then(Surface::default);
     let mut import = Import { mesh: QuadMesh::default(), report: ImportReport::default(), surface: none };
     let mut parts: Vec<Option<Part>> = (0..scene.mesh_count()).map(|_| None).collect();
-    let mut pinched_particles = 0;
+    let mut pinched = 0;
     let instances = scene.instances()?;
     let skinned = instances.iter().filter(|i| i.is_skinned).count();
     if skinned > 0 {
@@ -200,8 +200,10 @@ fn from_gltf(
             };
             let ngon_encoding = scene.ngon_encoding();
             let quads = || recover(&mesh, &edges, &raw, ngon_encoding);
-            let (Recovered { mut faces, triangles: sources, recovery, is_suspicious }, pieces) =
-                rayon::join(quads, || (edges.pinched(&mesh), mesh.components()));
+            let (
+                Recovered { mut faces, triangles: sources, recovery, is_suspicious },
+                (pinched_particles, components),
+            ) = rayon::join(quads, || (edges.pinched(&mesh), mesh.components()));
             faces.positions = mesh.positions;
             let mesh = faces;
             if is_suspicious {
@@ -220,9 +222,11 @@ fn from_gltf(
                 };
                 scene.surface(instance.mesh, &shown, &faces)
             });
-            *cached = Some(Part { mesh, recovery, mended, pieces, surface });
+            *cached = Some(Part { mesh, recovery, mended, pinched_particles, components, surface });
         }
-        let Some(Part { mesh, recovery, mended, pieces, surface }) = cached else { continue };
+        let Some(Part { mesh, recovery, mended, pinched_particles, components, surface }) = cached else {
+            continue;
+        };
         scene.spend(mesh.positions.len() + mesh.corners().len())?;
         let first = import.mesh.positions.len();
         import.mesh.append(mesh);
@@ -242,11 +246,11 @@ fn from_gltf(
         total.duplicate_faces += mended.duplicate_faces;
         total.loose_vertices += mended.loose_vertices;
         total.non_manifold_edges += mended.non_manifold_edges;
-        pinched_particles += pieces.0;
-        import.report.components += pieces.1;
+        pinched += *pinched_particles;
+        import.report.components += *components;
     }
     tell_recovery(&mut import.report);
-    Ok((import, pinched_particles))
+    Ok((import, pinched))
 }
 
 fn tell_recovery(report: &mut ImportReport) {
