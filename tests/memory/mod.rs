@@ -63,8 +63,19 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
+/// Lets this thread do alone what it would share with others, whose memory is not counted here.
+fn stay_alone() {
+    // Miri does not know all that a pool does.
+    if cfg!(not(miri)) && rayon::current_thread_index().is_none() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build();
+        // For as long as the thread lives.
+        std::mem::forget(pool.expect("a pool of this thread"));
+    }
+}
+
 /// Does some work, and tells how many bytes were held for it at most.
 pub fn measured<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    stay_alone();
     let before = HELD.with(|held| {
         let (now, _) = held.get();
         held.set((now, now));
@@ -94,6 +105,7 @@ pub fn trim() {
 
 /// Does some work, and tells by how many bytes more are held after it.
 pub fn added<T>(work: impl FnOnce() -> T) -> (T, isize) {
+    stay_alone();
     let before = HELD.with(Cell::get).0;
     let result = work();
     let after = HELD.with(Cell::get).0;
