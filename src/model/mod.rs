@@ -3,6 +3,7 @@
 mod incidence;
 mod numbering;
 mod particles;
+mod sorting;
 mod springs;
 mod topology;
 

@@ -1,9 +1,9 @@
 //! The springs that act: those enabled and whole, one contiguous group a kind, in the order of the topology or, where
 //! particles were renumbered, by their particles.
 
+use super::sorting::sort_by_particle;
 use super::{Numbering, SpringKind, Topology};
 use crate::math::{Real, Vector};
-use crate::target::sort_by_particle;
 use std::ops::Range;
 
 /// Springs that act. A kind that is switched off and a spring that is torn are not in here, so nobody walks them.

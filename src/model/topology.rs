@@ -1,6 +1,7 @@
 //! The spring pairs of a mesh: which particles are joined, by which kind of spring.
 
-use crate::target::{QuadMesh, sort_by_particle};
+use super::sorting::sort_by_particle;
+use crate::target::QuadMesh;
 
 /// The three kinds of springs (Provot, "Deformation constraints in a mass-spring model to describe rigid cloth behavior", 1995).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

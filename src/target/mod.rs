@@ -10,7 +10,6 @@ mod mesh;
 mod obj;
 mod obj_surface;
 mod recover_quads;
-mod sorting;
 mod surface;
 mod weld;
 
@@ -19,5 +18,4 @@ pub use import::{Import, ImportError, ImportOptions, ImportReport, import_bytes,
 pub use mend::Mended;
 pub use mesh::{FaceCounts, QuadMesh};
 pub use recover_quads::{QuadRecovery, RecoveryMethod};
-pub(crate) use sorting::sort_by_particle;
 pub use surface::{Corner, Section, Surface, Vertex};

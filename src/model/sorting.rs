@@ -1,7 +1,7 @@
 //! Sorting by particle in linear time: what belongs to a particle is put together first, and then only these few are sorted.
 
 /// Sorts what is ordered by a particle first, which `of` tells and which is below `particles`.
-pub(crate) fn sort_by_particle<T: Copy + Ord>(
+pub(super) fn sort_by_particle<T: Copy + Ord>(
     items: Vec<T>,
     particles: usize,
     of: impl Fn(&T) -> u32,
