@@ -10,5 +10,5 @@ pub mod springs;
 pub mod wind;
 
 pub use problem::{Cost, Problem, SpringSet};
-pub use sliced::{BLOCK as PRODUCT_BLOCK, Linear};
+pub use sliced::{Ahead, BLOCK as PRODUCT_BLOCK, Linear, Update};
 pub use spectrum::{Mode, Spectrum};

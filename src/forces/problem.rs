@@ -2,7 +2,9 @@
 
 use super::gravity;
 use super::pull::{self, Pull};
-use super::sliced::{Before, Linear, Means, Outside, Slices, Step, Surroundings, Window};
+use super::sliced::{
+    Ahead, Before, Leap, Linear, Means, Outside, Slices, Step, Stretched, Surroundings, Update, Window,
+};
 use super::springs::SpringParams;
 use super::wind::Wind;
 use crate::math::lanes::LANES;
@@ -69,7 +71,10 @@ pub struct Problem<T: Real> {
     pub gravity: Option<DVec3>,
     /// The wind; none where it is switched off.
     pub wind: Option<Wind>,
-    /// Hands that pull at particles.
+    /// Elongation, in rest lengths, at which springs tear after a step; none where they do not. A method tells how near they are
+    /// ([`Seen`](crate::model::Seen)) where that costs it nothing.
+    pub tearing: Option<T>,
+    /// Hands that pull at particles, by particle.
     pub pulls: Vec<Pull<T>>,
     /// Threads of the current pool that forces may be shared among.
     pub threads: usize,
@@ -107,6 +112,7 @@ impl<T: Real> Problem<T> {
             air_damping: T::ZERO,
             gravity: None,
             wind: None,
+            tearing: None,
             pulls: Vec::new(),
             threads: 1,
             stop: None,
@@ -199,6 +205,20 @@ impl<T: Real> Problem<T> {
         pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 
+    /// Takes a step of `dt` (s) by the forces in the state given, at its time: a method that asks for no others moves each
+    /// particle in the pass that sums up what acts on it. Counts one evaluation; `ahead` is scratch.
+    pub fn advance<U: Update>(&self, state: &mut Particles<T>, dt: T, ahead: &mut Ahead<T>, cost: &mut Cost) {
+        self.count_pass(cost);
+        let leap = Leap {
+            surroundings: self.surroundings(state),
+            pulls: &self.pulls,
+            inverse_mass: &self.inverse_mass,
+            dt,
+        };
+        let springs = Stretched { limit: self.tearing, ..self.stretched() };
+        self.slices().advance::<U>(springs, state, leap, ahead, self.means(&mut self.windows()));
+    }
+
     /// Adds the forces of the springs to `force` (N); counts one evaluation.
     pub fn add_spring_forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
         self.spring_forces(state, force, cost, Before);
@@ -220,11 +240,21 @@ impl<T: Real> Problem<T> {
         cost: &mut Cost,
         outside: impl Outside<T>,
     ) {
+        self.count_pass(cost);
+        self.slices().forces(self.stretched(), state, outside, force, self.means(&mut self.windows()));
+    }
+
+    fn count_pass(&self, cost: &mut Cost) {
         cost.force_evaluations += 1;
         cost.spring_visits += self.springs.len() as u64;
-        let threads = self.useful_threads();
-        let windows = &mut self.windows();
-        self.slices().forces(&self.springs, self.spring_damping, state, windows, force, threads, outside);
+    }
+
+    fn stretched(&self) -> Stretched<'_, T> {
+        Stretched { springs: &self.springs, damping: self.spring_damping, limit: None }
+    }
+
+    fn means<'a>(&self, windows: &'a mut Vec<Window<T>>) -> Means<'a, T> {
+        Means { windows, threads: self.useful_threads() }
     }
 
     fn slices(&self) -> &Slices<T> {
@@ -252,14 +282,12 @@ impl<T: Real> Problem<T> {
         image: &mut [[[T; LANES]; 3]],
         products: &mut [[T; LANES]],
     ) {
-        let means = Means { windows: &mut self.windows(), threads: self.useful_threads() };
-        self.slices().multiply(linear, mass, from, image, products, means);
+        self.slices().multiply(linear, mass, from, image, products, self.means(&mut self.windows()));
     }
 
     /// Writes the blocks that particles have with themselves in M + springs over these: xx, yy, zz and xy, xz, yz.
     pub fn own_blocks(&self, linear: &Linear<T>, mass: &[T], blocks: [&mut [[[T; LANES]; 3]]; 2]) {
-        let means = Means { windows: &mut self.windows(), threads: self.useful_threads() };
-        self.slices().own_blocks(linear, mass, blocks, means);
+        self.slices().own_blocks(linear, mass, blocks, self.means(&mut self.windows()));
     }
 
     /// Whether the step under way is to be broken off, wherever it is: whoever asked for it will not use what it leaves. A

@@ -23,12 +23,17 @@ impl<T: Real> Pull<T> {
         let damping = T::from_f64(2.0 * (stiffness * mass.to_f64()).sqrt());
         Self { particle, to, stiffness: T::from_f64(stiffness), damping }
     }
+
+    /// The force (N) on the particle at a place (m) with a velocity (m/s).
+    pub fn force(&self, position: T::Vec3, velocity: T::Vec3) -> T::Vec3 {
+        (self.to - position) * self.stiffness - velocity * self.damping
+    }
 }
 
 /// Adds the pulls to the force on their particles.
 pub fn add<T: Real>(pulls: &[Pull<T>], positions: &[T::Vec3], velocities: &[T::Vec3], force: &mut [T::Vec3]) {
     for pull in pulls {
         let p = pull.particle as usize;
-        force[p] += (pull.to - positions[p]) * pull.stiffness - velocities[p] * pull.damping;
+        force[p] += pull.force(positions[p], velocities[p]);
     }
 }

@@ -12,15 +12,17 @@
 //! taken are summed apart for the same reason.
 //!
 //! What the springs do stands in [`pulls`] (forces) and [`linear`] (products with the matrix of an implicit step); how they are
-//! gone over, in [`pass`].
+//! gone over, in [`pass`]; and how particles take a step on the way, in [`advance`].
 
+mod advance;
 mod linear;
 mod pass;
 mod pulls;
 
-pub use linear::{Linear, Means, Step};
+pub use advance::{Ahead, Leap, Update};
+pub use linear::{Linear, Step};
 pub use pass::Window;
-pub use pulls::{Before, Outside, Surroundings};
+pub use pulls::{Before, Outside, Stretched, Surroundings};
 
 use crate::math::Real;
 use crate::math::lanes::LANES;
@@ -85,6 +87,8 @@ impl<T: Real> Slices<T> {
             list_rest: Vec::new(),
             reach: BLOCK,
         };
+        // What is not there is never found too long.
+        let none = T::from_f64(f64::INFINITY);
         let mut loose = Vec::new();
         let mut next: Vec<usize> = springs.groups.iter().map(|group| group.range.start).collect();
         // Way, first particle and number of each spring of a block.
@@ -104,7 +108,7 @@ impl<T: Real> Slices<T> {
                         continue;
                     }
                     let from = i - i % LANES as u32;
-                    let (mut lanes, mut rest) = (0, [T::ONE; LANES]);
+                    let (mut lanes, mut rest) = (0, [none; LANES]);
                     for (_, i, spring) in row {
                         lanes |= 1 << (i - from);
                         rest[(i - from) as usize] = springs.rest[*spring as usize];
@@ -127,6 +131,7 @@ impl<T: Real> Slices<T> {
     fn list(&mut self, particles: usize, springs: &Springs<T>, loose: &[u32]) {
         let pairs: Vec<[u32; 2]> = loose.iter().map(|s| springs.pairs[*s as usize]).collect();
         let incidence = Incidence::new(particles, &pairs);
+        let none = T::from_f64(f64::INFINITY);
         for slice in 0..particles.div_ceil(LANES) {
             let own = |lane: usize| (slice * LANES + lane).min(particles - 1);
             // What is left around each particle: the springs of the first groups stand first.
@@ -136,7 +141,7 @@ impl<T: Real> Slices<T> {
             for group in &springs.groups {
                 loop {
                     let mut to = std::array::from_fn(|lane| own(lane) as u32);
-                    let (mut rest, mut some) = ([T::ONE; LANES], false);
+                    let (mut rest, mut some) = ([none; LANES], false);
                     for (lane, around) in around.iter_mut().enumerate() {
                         if let [[other, spring], left @ ..] = *around
                             && let spring = loose[*spring as usize] as usize
@@ -156,6 +161,12 @@ impl<T: Real> Slices<T> {
             }
         }
     }
+}
+
+/// Scratch and threads of a pass.
+pub struct Means<'a, T> {
+    pub windows: &'a mut Vec<Window<T>>,
+    pub threads: usize,
 }
 
 /// Where the one before ends, which is where this one begins.

@@ -45,7 +45,8 @@ impl SpringParams {
     }
 }
 
-/// The forces on eight particles at x with velocities v from others at x' with v', by component.
+/// The forces on eight particles at x with velocities v from others at x' with v', by component, and how much longer their springs are
+/// than at rest.
 #[expect(clippy::inline_always, reason = "a kernel's")]
 #[inline(always)]
 pub fn pull<L: Lanes, const DAMPED: bool>(
@@ -54,11 +55,12 @@ pub fn pull<L: Lanes, const DAMPED: bool>(
     stiffness: L,
     rest: L,
     damping: L,
-) -> [L; 3] {
+) -> ([L; 3], L) {
     let [dx, dy, dz] = [there[0] - x[0], there[1] - x[1], there[2] - x[2]];
     let length = (dx * dx + dy * dy + dz * dz).sqrt();
-    let tension = (stiffness * (length - rest) / length).where_positive(length);
-    if DAMPED {
+    let elongation = length - rest;
+    let tension = (stiffness * elongation / length).where_positive(length);
+    let force = if DAMPED {
         [
             dx * tension + (speed[0] - v[0]) * damping,
             dy * tension + (speed[1] - v[1]) * damping,
@@ -66,7 +68,8 @@ pub fn pull<L: Lanes, const DAMPED: bool>(
         ]
     } else {
         [dx * tension, dy * tension, dz * tension]
-    }
+    };
+    (force, elongation)
 }
 
 /// How eight springs resist a change of the way d from x to x', by component: K = a I + u uᵀ, given as a and u.

@@ -9,6 +9,6 @@ mod topology;
 
 pub use incidence::Incidence;
 pub use numbering::Numbering;
-pub use particles::{Memory, Particles};
+pub use particles::{Memory, Particles, Seen};
 pub use springs::{Group, KindSettings, Springs};
 pub use topology::{SpringKind, Topology};

@@ -15,6 +15,19 @@ pub struct Particles<T: Real> {
     pub broken: Vec<u32>,
     /// What the method carries from step to step besides positions and velocities.
     pub memory: Memory<T>,
+    /// What the step that led here has seen, if its method tells. Nothing depends on it.
+    pub seen: Option<Seen>,
+}
+
+/// What a step sees while it has particles and springs at hand, which saves looking at them once more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Σ |v|² of all particles after it, m²/s².
+    pub squares: f64,
+    /// The longest way of a particle, m.
+    pub way: f64,
+    /// How much longer any spring could at least have been before it without tearing, m; infinite where none tears.
+    pub left: f64,
 }
 
 /// What a method carries from step to step: the last state of a multistep method, a force, the step size of a controller.
@@ -40,7 +53,7 @@ impl<T: Real> Particles<T> {
     /// Particles at rest at time 0.
     pub fn at_rest(positions: Vec<T::Vec3>) -> Self {
         let velocities = vec![T::Vec3::default(); positions.len()];
-        Self { time: 0.0, positions, velocities, broken: Vec::new(), memory: Memory::default() }
+        Self { time: 0.0, positions, velocities, broken: Vec::new(), memory: Memory::default(), seen: None }
     }
 
     /// Number of particles.

@@ -5,10 +5,10 @@
 //! It adds energy to every oscillation: amplitudes grow by sqrt(1 + dt² ω²) a step unless damping takes away more, so
 //! an undamped cloth has no stable dt at all. It is here to be seen bursting, and to be compared with.
 
-use super::advance::drift_and_kick;
 use super::{Model, Simulator, region};
-use crate::forces::{Cost, Mode, Problem, Spectrum};
+use crate::forces::{Ahead, Cost, Mode, Problem, Spectrum, Update};
 use crate::math::Real;
+use crate::math::lanes::Lanes;
 use crate::model::Particles;
 
 crate::params! {
@@ -16,25 +16,30 @@ crate::params! {
     pub struct ExplicitEuler {}
 }
 
+impl Update for ExplicitEuler {
+    #[expect(clippy::inline_always, reason = "a kernel's")]
+    #[inline(always)]
+    fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2] {
+        [x + v * dt, v + kick]
+    }
+}
+
 impl Simulator for ExplicitEuler {
     const ID: &'static str = "explicit_euler";
     const SUMMARY: &'static str = "Explicit Euler: the simplest method; gains energy and bursts on stiff cloth.";
     const ORDER: u32 = 1;
     const MODEL: Model = Model::Springs;
-    /// Forces, N.
-    type Scratch<T: Real> = Vec<T::Vec3>;
+    type Scratch<T: Real> = Ahead<T>;
 
     fn step<T: Real>(
         &self,
         problem: &Problem<T>,
         state: &mut Particles<T>,
         dt: T,
-        force: &mut Vec<T::Vec3>,
+        ahead: &mut Ahead<T>,
         cost: &mut Cost,
     ) {
-        force.resize(state.len(), T::Vec3::default());
-        problem.forces(state, force, cost);
-        drift_and_kick(problem, state, force, dt);
+        problem.advance::<Self>(state, dt, ahead, cost);
     }
 
     /// A motion x'' + g x' + ω² x = 0 stays bounded while dt ω² ≤ g (where it oscillates) and 2 dt g - dt² ω² ≤ 4 (where

@@ -8,7 +8,6 @@
 //!
 //! The README's "Which method for which scene" says which to choose, with figures; each method's own text says what it costs.
 
-mod advance;
 mod blocks;
 mod chebyshev;
 mod colouring;

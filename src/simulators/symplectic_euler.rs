@@ -6,10 +6,10 @@
 //! Costs what explicit Euler costs, but keeps the energy of an undamped cloth near its true value for ever (Hairer,
 //! Lubich, Wanner, "Geometric Numerical Integration", 2006, I.1) while dt < 2/ω of the fastest motion.
 
-use super::advance::kick_and_drift;
 use super::{Model, Simulator};
-use crate::forces::{Cost, Problem, Spectrum};
+use crate::forces::{Ahead, Cost, Problem, Spectrum, Update};
 use crate::math::Real;
+use crate::math::lanes::Lanes;
 use crate::model::Particles;
 
 crate::params! {
@@ -17,25 +17,31 @@ crate::params! {
     pub struct SymplecticEuler {}
 }
 
+impl Update for SymplecticEuler {
+    #[expect(clippy::inline_always, reason = "a kernel's")]
+    #[inline(always)]
+    fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2] {
+        let v = v + kick;
+        [x + v * dt, v]
+    }
+}
+
 impl Simulator for SymplecticEuler {
     const ID: &'static str = "symplectic_euler";
     const SUMMARY: &'static str = "Symplectic Euler: cheap and sturdy up to its stability limit; the one to start with.";
     const ORDER: u32 = 1;
     const MODEL: Model = Model::Springs;
-    /// Forces, N.
-    type Scratch<T: Real> = Vec<T::Vec3>;
+    type Scratch<T: Real> = Ahead<T>;
 
     fn step<T: Real>(
         &self,
         problem: &Problem<T>,
         state: &mut Particles<T>,
         dt: T,
-        force: &mut Vec<T::Vec3>,
+        ahead: &mut Ahead<T>,
         cost: &mut Cost,
     ) {
-        force.resize(state.len(), T::Vec3::default());
-        problem.forces(state, force, cost);
-        kick_and_drift(problem, state, force, dt);
+        problem.advance::<Self>(state, dt, ahead, cost);
     }
 
     /// With damping taken at the old velocity a motion x'' + g x' + ω² x = 0 stays bounded while dt² ω² + 2 dt g ≤ 4, so

@@ -70,6 +70,7 @@ impl Snapshot {
             velocities: self.shape.numbering.to_inner(velocities),
             broken,
             memory: Memory::default(),
+            seen: None,
         };
         Self { state: AnyState::Double(state), ..self.clone() }
     }

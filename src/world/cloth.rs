@@ -4,12 +4,12 @@
 //! a particle here translates.
 
 use super::hand::{Grip, Hand};
-use super::tearing::Watch;
+use super::tearing::{self, Watch};
 use crate::forces::pull::Pull;
 use crate::forces::springs::SpringParams;
 use crate::forces::{Cost, Problem, SpringSet};
 use crate::math::{Real, Vector};
-use crate::model::{Numbering, Particles, Topology};
+use crate::model::{Numbering, Particles, Seen, Topology};
 use crate::scene::{Refusal, Scene};
 use crate::simulators::{Build, Stepper};
 use crate::target::QuadMesh;
@@ -44,6 +44,8 @@ pub(super) struct Cloth<T: Real> {
     /// The particles that can move.
     pub free: Free,
     watch: Watch<T>,
+    /// What the last step has seen.
+    pub seen: Option<Seen>,
 }
 
 /// The particles that can move.
@@ -104,6 +106,7 @@ impl<T: Build> Cloth<T> {
             mean_rest: 0.0,
             free: Free::default(),
             watch: Watch::default(),
+            seen: None,
         };
         cloth.measure_rest();
         cloth.set_environment(scene);
@@ -113,6 +116,7 @@ impl<T: Build> Cloth<T> {
     /// Takes over what a scene says besides target, mass and springs.
     pub fn set_environment(&mut self, scene: &Scene) {
         self.problem.air_damping = T::from_f64(scene.air_damping);
+        self.problem.tearing = scene.tearing.enabled.then(|| tearing::limit(scene.tearing.max_ratio));
         self.problem.gravity = scene.gravity.acceleration();
         self.problem.wind = scene.wind.enabled.then(|| scene.wind.clone());
     }
@@ -142,6 +146,7 @@ impl<T: Build> Cloth<T> {
 
     pub fn step(&mut self, dt: f64, cost: &mut Cost) {
         self.stepper.step(&self.problem, &mut self.state, T::from_f64(dt), cost);
+        self.seen = self.state.seen.take();
     }
 
     /// Returns to a state of the same problem.
@@ -188,9 +193,14 @@ impl<T: Build> Cloth<T> {
         self.state.positions[self.index(particle)].to_f64()
     }
 
+    /// Moves a particle after a step.
     pub fn set_position(&mut self, particle: u32, to: DVec3) {
         let index = self.index(particle);
-        self.state.positions[index] = T::Vec3::from_f64(to);
+        let position = &mut self.state.positions[index];
+        let from = std::mem::replace(position, T::Vec3::from_f64(to)).to_f64();
+        if let Some(seen) = &mut self.seen {
+            seen.way += from.distance(position.to_f64());
+        }
     }
 
     /// Zero is taken as +0, so that x + dt v leaves every bit of x alone.
@@ -202,7 +212,7 @@ impl<T: Build> Cloth<T> {
     /// Breaks every acting spring longer than `max_ratio` x its rest length, all judged on the same positions; answers
     /// with how many.
     pub fn tear(&mut self, max_ratio: f64) -> usize {
-        let torn = self.watch.torn(&self.problem, &self.state.positions, max_ratio);
+        let torn = self.watch.torn(&self.problem, &self.state.positions, self.seen, max_ratio);
         if torn.is_empty() {
             return 0;
         }

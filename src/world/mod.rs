@@ -632,6 +632,7 @@ fn convert<A: Real, B: Real>(state: &Particles<A>) -> Particles<B> {
         velocities: all(&state.velocities),
         broken: state.broken.clone(),
         memory: Memory::default(),
+        seen: None,
     }
 }
 

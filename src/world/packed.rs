@@ -96,6 +96,7 @@ impl Snapshot {
                 velocities: Vec::new(),
                 broken: state.broken.clone(),
                 memory: Memory { vectors: Vec::new(), numbers: state.memory.numbers.clone() },
+                seen: None,
             }
         }
         let state = match &self.state {

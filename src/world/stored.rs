@@ -114,7 +114,7 @@ impl Stored {
 
 fn empty<T: crate::math::Real>(time: f64, broken: Vec<u32>, numbers: Vec<f64>) -> Particles<T> {
     let memory = Memory { vectors: Vec::new(), numbers };
-    Particles { time, positions: Vec::new(), velocities: Vec::new(), broken, memory }
+    Particles { time, positions: Vec::new(), velocities: Vec::new(), broken, memory, seen: None }
 }
 
 impl World {

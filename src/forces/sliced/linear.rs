@@ -8,9 +8,9 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::pass::{Eight, Eights, Field, Fields, Law, Sums, Vectors, Window};
-use super::pulls::masses;
-use super::{BLOCK, Slices, end_before};
+use super::pass::{Eight, Eights, Field, Fields, Law, Sums, Vectors};
+use super::pulls::eight_of;
+use super::{BLOCK, Means, Slices, end_before};
 use crate::forces::springs::resistance;
 use crate::math::Real;
 use crate::math::lanes::{self, Kernel, LANES, Lanes};
@@ -165,6 +165,7 @@ impl<T: Real> Law<T> for Product<'_, T> {
         springs: Eight,
         here: impl Fields<T>,
         there: impl Fields<T>,
+        _: &mut L,
     ) -> [L; 3] {
         let [a, ux, uy, uz] = self.0.of::<L>(with, springs);
         let (here, there): ([L; 3], [L; 3]) = (here.field(with, 0), there.field(with, 0));
@@ -188,6 +189,7 @@ impl<T: Real, const DIAGONAL: bool> Law<T> for Own<'_, T, DIAGONAL> {
         springs: Eight,
         _: impl Fields<T>,
         _: impl Fields<T>,
+        _: &mut L,
     ) -> [L; 3] {
         let [a, ux, uy, uz] = self.0.of::<L>(with, springs);
         if DIAGONAL { [a + ux * ux, a + uy * uy, a + uz * uz] } else { [ux * uy, ux * uz, uy * uz] }
@@ -218,7 +220,7 @@ impl<T: Real> Parts for Images<'_, T> {
 impl<T: Real> Sums<T> for Images<'_, T> {
     #[inline(always)]
     fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3] {
-        let (mass, [x, y, z]) = (masses::<T, L>(with, &self.mass[at..]), here.field::<L>(with, 0));
+        let (mass, [x, y, z]) = (eight_of::<T, L>(with, &self.mass[at..]), here.field::<L>(with, 0));
         [x * mass, y * mass, z * mass]
     }
 
@@ -260,7 +262,7 @@ impl<T: Real> Sums<T> for Blocks<'_, T> {
     #[inline(always)]
     fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, _: impl Fields<T>) -> [L; 3] {
         match self.mass {
-            Some(mass) => [masses::<T, L>(with, &mass[at..]); 3],
+            Some(mass) => [eight_of::<T, L>(with, &mass[at..]); 3],
             None => [L::splat(with, T::ZERO); 3],
         }
     }
@@ -269,12 +271,6 @@ impl<T: Real> Sums<T> for Blocks<'_, T> {
     fn end<L: Lanes<Scalar = T>>(&mut self, _: L::Proof, at: usize, _: impl Fields<T>, [x, y, z]: [L; 3]) {
         self.values[at / LANES] = [x.to_array(), y.to_array(), z.to_array()];
     }
-}
-
-/// Scratch and threads of a pass.
-pub struct Means<'a, T> {
-    pub windows: &'a mut Vec<Window<T>>,
-    pub threads: usize,
 }
 
 impl<T: Real> Slices<T> {
@@ -320,7 +316,7 @@ impl<T: Real> Slices<T> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::pass::Pass;
+    use super::super::pass::{Pass, Window};
     use super::super::tests::{cloths, crumpled, place};
     use super::*;
     use crate::math::Vector;

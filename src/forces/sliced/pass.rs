@@ -27,13 +27,15 @@ pub trait Law<T: Real>: Copy + Send + Sync {
     /// What is taken from the others has the same sign as what the ones are given.
     const ALIKE: bool = false;
 
-    /// What eight springs give to the ones, by component, from the fields of the ones and of the others.
+    /// What eight springs give to the ones, by component, from the fields of the ones and of the others; what is noticed of
+    /// them raises `most`.
     fn give<L: Lanes<Scalar = T>>(
         self,
         with: L::Proof,
         springs: Eight,
         here: impl Fields<T>,
         there: impl Fields<T>,
+        most: &mut L,
     ) -> [L; 3];
 }
 
@@ -77,6 +79,10 @@ pub trait Sums<T: Real>: Parts {
     fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3];
     /// What came of it.
     fn end<L: Lanes<Scalar = T>>(&mut self, with: L::Proof, at: usize, here: impl Fields<T>, sum: [L; 3]);
+
+    /// The most that was noticed of the springs of a block, whose first particle this is.
+    #[inline(always)]
+    fn notice<L: Lanes<Scalar = T>>(&mut self, _: usize, _: L) {}
 }
 
 /// A vector of each particle.
@@ -221,6 +227,7 @@ impl<T: Real, V: Field<T>, W: Law<T>, S: Sums<T>, const F: usize> Kernel<T> for 
         let (mut base, mut next) = (begin, begin);
         let end = first + sums.count();
         for block in (begin..end).step_by(BLOCK) {
+            let mut most = L::splat(with, T::from_f64(f64::NEG_INFINITY));
             if block + slices.reach > base + SPAN.min(2 * slices.reach + SLACK) {
                 for components in [&mut *given, &mut *taken].into_iter().chain(&mut *fields) {
                     for component in components {
@@ -247,7 +254,7 @@ impl<T: Real, V: Field<T>, W: Law<T>, S: Sums<T>, const F: usize> Kernel<T> for 
                     }
                     let springs = Eight::Row { group, number };
                     let (here, there) = (InRow { fields, at: from }, InRow { fields, at: to });
-                    let mut gives = law.give::<L>(with, springs, here, there);
+                    let mut gives = law.give::<L>(with, springs, here, there, &mut most);
                     if lanes != ALL {
                         gives = [gives[0].only(lanes), gives[1].only(lanes), gives[2].only(lanes)];
                     }
@@ -275,7 +282,7 @@ impl<T: Real, V: Field<T>, W: Law<T>, S: Sums<T>, const F: usize> Kernel<T> for 
                         for (number, to) in (list..).zip(&slices.lists[list..end]) {
                             let springs = Eight::Loose { group, number };
                             let there = Anywhere { sources: &sources, at: to };
-                            let [x, y, z] = law.give::<L>(with, springs, here, there);
+                            let [x, y, z] = law.give::<L>(with, springs, here, there, &mut most);
                             sum = [sum[0] + x, sum[1] + y, sum[2] + z];
                         }
                         list = end;
@@ -283,6 +290,7 @@ impl<T: Real, V: Field<T>, W: Law<T>, S: Sums<T>, const F: usize> Kernel<T> for 
                 }
                 sums.end::<L>(with, own - first, here, sum);
             }
+            sums.notice(block - first, most);
         }
     }
 }

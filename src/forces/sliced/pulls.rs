@@ -5,8 +5,9 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::Slices;
-use super::pass::{Eight, Field, Fields, Law, Sums, Vectors, Window};
+use super::advance::put;
+use super::pass::{Eight, Field, Fields, Law, Sums, Vectors};
+use super::{Means, Slices};
 use crate::forces::springs::pull;
 use crate::forces::{air_damping, gravity};
 use crate::math::lanes::{LANES, Lanes};
@@ -15,8 +16,8 @@ use crate::math::{Real, Vector};
 use crate::model::{Particles, Springs};
 
 /// The fields that the springs read.
-const PLACES: usize = 0;
-const SPEEDS: usize = 1;
+pub(super) const PLACES: usize = 0;
+pub(super) const SPEEDS: usize = 1;
 
 /// What else acts on eight particles, before the springs.
 pub trait Outside<T: Real>: Copy + Send + Sync {
@@ -64,7 +65,7 @@ impl<T: Real> Outside<T> for Surroundings<'_, T> {
         velocity: [L; 3],
         _: &[T::Vec3],
     ) -> [L; 3] {
-        let mass = masses(with, &self.mass[own..]);
+        let mass = eight_of(with, &self.mass[own..]);
         let (zero, air) = (L::splat(with, T::ZERO), L::splat(with, self.air_damping));
         let ([gx, gy, gz], [wx, wy, wz]) = (self.gravity.to_array(), self.wind.to_array());
         let [vx, vy, vz] = velocity;
@@ -83,24 +84,33 @@ impl<T: Real> Outside<T> for Surroundings<'_, T> {
     }
 }
 
-/// The first eight masses, the last ones 0 where there are no more.
+/// The first eight numbers, the last ones 0 where there are no more.
 #[inline(always)]
-pub(super) fn masses<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, mass: &[T]) -> L {
-    if mass.len() >= LANES {
-        L::load(with, mass)
+pub(super) fn eight_of<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, numbers: &[T]) -> L {
+    if numbers.len() >= LANES {
+        L::load(with, numbers)
     } else {
         let mut eight = [T::ZERO; LANES];
-        eight[..mass.len()].copy_from_slice(mass);
+        eight[..numbers.len()].copy_from_slice(numbers);
         L::of(with, eight)
     }
 }
 
-/// The force of the springs.
+/// Springs that pull.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretched<'a, T: Real> {
+    pub springs: &'a Springs<T>,
+    /// kg/s.
+    pub damping: T,
+    /// Elongation, in rest lengths, beyond which it is noticed; none where nobody asks.
+    pub limit: Option<T>,
+}
+
+/// Their force.
 #[derive(Clone, Copy)]
-struct Pull<'a, T: Real, const DAMPED: bool> {
-    slices: &'a Slices<T>,
-    springs: &'a Springs<T>,
-    damping: T,
+pub(super) struct Pull<'a, T: Real, const DAMPED: bool> {
+    pub slices: &'a Slices<T>,
+    pub springs: Stretched<'a, T>,
 }
 
 impl<T: Real, const DAMPED: bool> Law<T> for Pull<'_, T, DAMPED> {
@@ -108,19 +118,26 @@ impl<T: Real, const DAMPED: bool> Law<T> for Pull<'_, T, DAMPED> {
     fn give<L: Lanes<Scalar = T>>(
         self,
         with: L::Proof,
-        springs: Eight,
+        eight: Eight,
         here: impl Fields<T>,
         there: impl Fields<T>,
+        most: &mut L,
     ) -> [L; 3] {
-        let (group, rest) = match springs {
+        let (group, rest) = match eight {
             Eight::Row { group, number } => (group, self.slices.row_rest[number]),
             Eight::Loose { group, number } => (group, self.slices.list_rest[number]),
         };
-        let stiffness = L::splat(with, self.springs.groups[group].stiffness);
+        let Stretched { springs, damping, limit } = self.springs;
+        let stiffness = L::splat(with, springs.groups[group].stiffness);
         let places = [here.field(with, PLACES), there.field(with, PLACES)];
         let speeds = if DAMPED { [here.field(with, SPEEDS), there.field(with, SPEEDS)] } else { places };
-        let damping = L::splat(with, self.damping);
-        pull::<L, DAMPED>(places, speeds, stiffness, L::of(with, rest), damping)
+        let damping = L::splat(with, damping);
+        let rest = L::of(with, rest);
+        let (force, elongation) = pull::<L, DAMPED>(places, speeds, stiffness, rest, damping);
+        if let Some(limit) = limit {
+            *most = (elongation - rest * L::splat(with, limit)).max(*most);
+        }
+        force
     }
 }
 
@@ -151,46 +168,43 @@ impl<T: Real, O: Outside<T>> Sums<T> for Forces<'_, T, O> {
 
     #[inline(always)]
     fn end<L: Lanes<Scalar = T>>(&mut self, _: L::Proof, at: usize, _: impl Fields<T>, sum: [L; 3]) {
-        let to = &mut self.force[at..];
-        if let Some(to) = to.first_chunk_mut() {
-            L::put_vectors(sum, to);
-        } else {
-            let mut all = [T::Vec3::ZERO; LANES];
-            L::put_vectors(sum, &mut all);
-            to.copy_from_slice(&all[..to.len()]);
-        }
+        put::<T, L>(sum, &mut self.force[at..]);
     }
 }
 
 impl<T: Real> Slices<T> {
-    /// Writes what acts on the particles from `outside` and from all springs over `force` (N), on so many threads of the
-    /// current pool.
-    #[expect(clippy::too_many_arguments, reason = "all that one pass reads and writes")]
+    /// Writes what acts on the particles from `outside` and from all springs over `force` (N).
     pub fn forces(
         &self,
-        springs: &Springs<T>,
-        damping: T,
+        springs: Stretched<T>,
         state: &Particles<T>,
-        windows: &mut Vec<Window<T>>,
-        force: &mut [T::Vec3],
-        threads: usize,
         outside: impl Outside<T>,
+        force: &mut [T::Vec3],
+        means: Means<T>,
+    ) {
+        self.pull(springs, state, Forces { outside, first: 0, force }, means);
+    }
+
+    /// Sums up the forces of the springs.
+    pub(super) fn pull(
+        &self,
+        springs: Stretched<T>,
+        state: &Particles<T>,
+        sums: impl Sums<T>,
+        Means { windows, threads }: Means<T>,
     ) {
         let fields = [Vectors(&state.positions), Vectors(&state.velocities)];
-        let sums = Forces { outside, first: 0, force };
-        if damping > T::ZERO {
-            let law = Pull::<T, true> { slices: self, springs, damping };
-            self.go_over(fields, law, sums, windows, threads);
+        if springs.damping > T::ZERO {
+            self.go_over(fields, Pull::<T, true> { slices: self, springs }, sums, windows, threads);
         } else {
-            let law = Pull::<T, false> { slices: self, springs, damping };
-            self.go_over(fields, law, sums, windows, threads);
+            self.go_over(fields, Pull::<T, false> { slices: self, springs }, sums, windows, threads);
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::pass::Pass;
+    use super::super::pass::{Pass, Window};
     use super::super::tests::{cloths, crumpled, place};
     use super::*;
     use crate::math::lanes::{Kernel, Plain};
@@ -231,9 +245,11 @@ mod tests {
         let mut plain = started.clone();
         let sums = scatter(&springs, damping, &state, &mut plain);
         let slices = Slices::new(particles, &springs);
+        let stretched = Stretched { springs: &springs, damping, limit: None };
         let on = |threads| {
             let mut force = started.clone();
-            slices.forces(&springs, damping, &state, &mut Vec::new(), &mut force, threads, Before);
+            let means = Means { windows: &mut Vec::new(), threads };
+            slices.forces(stretched, &state, Before, &mut force, means);
             force
         };
         let force = on(1);
@@ -254,7 +270,7 @@ mod tests {
             slices: &slices,
             particles,
             fields: [Vectors(&state.positions), Vectors(&state.velocities)],
-            law: Pull::<T, true> { slices: &slices, springs: &springs, damping },
+            law: Pull::<T, true> { slices: &slices, springs: stretched },
             first: 0,
             sums: Forces { outside: Before, first: 0, force: &mut without },
             windows: &mut [window],

@@ -190,7 +190,7 @@ impl<T: Real, const DAMPED: bool> Kernel<T> for Descend<'_, T, DAMPED> {
                 let there = L::components(with, positions, to);
                 let other = if DAMPED { subtract(there, L::components(with, start, to)) } else { there };
                 let (rest, stiffness) = (L::of(with, *rest), L::of(with, *stiffness) * square);
-                let [px, py, pz] = pull::<L, DAMPED>([x, there], [way, other], stiffness, rest, damping);
+                let ([px, py, pz], _) = pull::<L, DAMPED>([x, there], [way, other], stiffness, rest, damping);
                 let [a, ux, uy, uz] = resistance(with, [x, there], stiffness, rest);
                 let a = if DAMPED { a + damping } else { a }.only(*lanes);
                 right = [right[0] + px, right[1] + py, right[2] + pz];

@@ -1,0 +1,329 @@
+//! Particles that take their step in the pass over the springs, as soon as it has summed up what acts on them.
+//!
+//! They are read once and written once, and what else is asked of a step (how fast, how far, how near to tearing) is seen
+//! while they are at hand.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled without the instructions of the function that calls it"
+)]
+
+use super::pass::{Fields, Sums};
+use super::pulls::{Outside, PLACES, SPEEDS, Surroundings, eight_of};
+use super::{BLOCK, Means, Slices, Stretched};
+use crate::forces::pull::Pull;
+use crate::math::lanes::{LANES, Lanes};
+use crate::math::parts::Parts;
+use crate::math::{Real, Vector};
+use crate::model::{Particles, Seen};
+use std::marker::PhantomData;
+
+/// The update of a method that asks for the forces at the start of a step and for nothing else.
+pub trait Update: Send + Sync {
+    /// A component of position (m) and velocity (m/s) after a step of `dt` (s), from those before it; `kick` is dt f / m. For
+    /// eight particles at once: it must be marked `#[inline(always)]`.
+    fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2];
+}
+
+/// A step, and what acts in it besides the springs.
+#[derive(Clone, Copy, Debug)]
+pub struct Leap<'a, T: Real> {
+    pub surroundings: Surroundings<'a, T>,
+    /// By particle.
+    pub pulls: &'a [Pull<T>],
+    /// 1/kg.
+    pub inverse_mass: &'a [T],
+    /// s.
+    pub dt: T,
+}
+
+/// The state that a step leads to: scratch.
+#[derive(Clone, Debug)]
+pub struct Ahead<T: Real> {
+    /// m.
+    positions: Vec<T::Vec3>,
+    /// m/s.
+    velocities: Vec<T::Vec3>,
+    /// By block.
+    motion: Vec<Motion<T>>,
+}
+
+impl<T: Real> Default for Ahead<T> {
+    fn default() -> Self {
+        Self { positions: Vec::new(), velocities: Vec::new(), motion: Vec::new() }
+    }
+}
+
+/// What is seen of a block of particles, lane by lane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Motion<T> {
+    /// Σ |v|², m²/s².
+    squares: [T; LANES],
+    /// The square of the longest way, m².
+    way: [T; LANES],
+    /// By how much a spring was longest beyond its limit, m.
+    excess: [T; LANES],
+}
+
+impl<T: Real> Ahead<T> {
+    /// Becomes the state.
+    fn replace(&mut self, state: &mut Particles<T>) {
+        std::mem::swap(&mut state.positions, &mut self.positions);
+        std::mem::swap(&mut state.velocities, &mut self.velocities);
+        let largest = |of: fn(&Motion<T>) -> &[T; LANES], least: f64| {
+            self.motion.iter().flat_map(of).map(|value| value.to_f64()).fold(least, f64::max)
+        };
+        let sums = self.motion.iter().map(|m| m.squares.into_iter().map(T::to_f64).sum::<f64>());
+        state.seen = Some(Seen {
+            squares: sums.sum(),
+            way: largest(|m| &m.way, 0.0).sqrt(),
+            left: -largest(|m| &m.excess, f64::NEG_INFINITY),
+        });
+    }
+}
+
+/// The particles from `first` on.
+struct Advance<'a, T: Real, U> {
+    leap: Leap<'a, T>,
+    first: usize,
+    positions: &'a mut [T::Vec3],
+    velocities: &'a mut [T::Vec3],
+    motion: &'a mut [Motion<T>],
+    update: PhantomData<U>,
+}
+
+impl<T: Real, U: Update> Parts for Advance<'_, T, U> {
+    fn count(&self) -> usize {
+        self.positions.len()
+    }
+
+    fn split_at(self, particle: usize) -> (Self, Self) {
+        let Self { leap, first, positions, velocities, motion, update } = self;
+        let middle = first + particle;
+        let (pulls, more_pulls) =
+            leap.pulls.split_at(leap.pulls.partition_point(|p| (p.particle as usize) < middle));
+        let (positions, more_positions) = positions.split_at_mut(particle);
+        let (velocities, more_velocities) = velocities.split_at_mut(particle);
+        let (motion, more_motion) = motion.split_at_mut(particle / BLOCK);
+        (
+            Self { leap: Leap { pulls, ..leap }, first, positions, velocities, motion, update },
+            Self {
+                leap: Leap { pulls: more_pulls, ..leap },
+                first: middle,
+                positions: more_positions,
+                velocities: more_velocities,
+                motion: more_motion,
+                update,
+            },
+        )
+    }
+}
+
+impl<T: Real, U: Update> Sums<T> for Advance<'_, T, U> {
+    #[inline(always)]
+    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3] {
+        self.leap.surroundings.of::<L>(with, self.first + at, here.field(with, SPEEDS), &[])
+    }
+
+    #[inline(always)]
+    fn end<L: Lanes<Scalar = T>>(&mut self, with: L::Proof, at: usize, here: impl Fields<T>, sum: [L; 3]) {
+        let (x, v): ([L; 3], [L; 3]) = (here.field(with, PLACES), here.field(with, SPEEDS));
+        let force = if self.leap.pulls.is_empty() { sum } else { self.pulled(with, at, [x, v], sum) };
+        let dt = L::splat(with, self.leap.dt);
+        let w = eight_of::<T, L>(with, &self.leap.inverse_mass[self.first + at..]);
+        let kick = w * dt;
+        // Where no particle is, any force may have come out.
+        let [[x0, v0], [x1, v1], [x2, v2]] = [
+            U::advance(x[0], v[0], (force[0] * kick).where_positive(w), dt),
+            U::advance(x[1], v[1], (force[1] * kick).where_positive(w), dt),
+            U::advance(x[2], v[2], (force[2] * kick).where_positive(w), dt),
+        ];
+        put::<T, L>([x0, x1, x2], &mut self.positions[at..]);
+        put::<T, L>([v0, v1, v2], &mut self.velocities[at..]);
+        let motion = &mut self.motion[at / BLOCK];
+        let [mut squares, mut way] = [L::splat(with, T::ZERO); 2];
+        if !at.is_multiple_of(BLOCK) {
+            (squares, way) = (L::load(with, &motion.squares), L::load(with, &motion.way));
+        }
+        (squares + square([v0, v1, v2])).store(&mut motion.squares);
+        square([x0 - x[0], x1 - x[1], x2 - x[2]]).max(way).store(&mut motion.way);
+    }
+
+    #[inline(always)]
+    fn notice<L: Lanes<Scalar = T>>(&mut self, at: usize, most: L) {
+        self.motion[at / BLOCK].excess = most.to_array();
+    }
+}
+
+impl<T: Real, U: Update> Advance<'_, T, U> {
+    /// The forces on eight particles with those of the hands that pull at them.
+    #[inline(always)]
+    fn pulled<L: Lanes<Scalar = T>>(
+        &mut self,
+        with: L::Proof,
+        at: usize,
+        [x, v]: [[L; 3]; 2],
+        force: [L; 3],
+    ) -> [L; 3] {
+        let arrays = |lanes: [L; 3]| [lanes[0].to_array(), lanes[1].to_array(), lanes[2].to_array()];
+        let (x, v, mut sum) = (arrays(x), arrays(v), arrays(force));
+        while let [pull, left @ ..] = self.leap.pulls
+            && let lane = pull.particle as usize - self.first - at
+            && lane < LANES
+        {
+            let of = |arrays: &[[T; LANES]; 3]| T::Vec3::from_array(arrays.map(|component| component[lane]));
+            let pulled = of(&sum) + pull.force(of(&x), of(&v));
+            sum.iter_mut().zip(pulled.to_array()).for_each(|(component, f)| component[lane] = f);
+            self.leap.pulls = left;
+        }
+        [L::of(with, sum[0]), L::of(with, sum[1]), L::of(with, sum[2])]
+    }
+}
+
+/// Square of the length.
+#[inline(always)]
+fn square<L: Lanes>([x, y, z]: [L; 3]) -> L {
+    x * x + y * y + z * z
+}
+
+/// Puts eight vectors to the first eight places, or as many as there are.
+#[inline(always)]
+pub(super) fn put<T: Real, L: Lanes<Scalar = T>>(vectors: [L; 3], to: &mut [T::Vec3]) {
+    if let Some(to) = to.first_chunk_mut() {
+        L::put_vectors(vectors, to);
+    } else {
+        let mut all = [T::Vec3::ZERO; LANES];
+        L::put_vectors(vectors, &mut all);
+        to.copy_from_slice(&all[..to.len()]);
+    }
+}
+
+impl<T: Real> Slices<T> {
+    /// Takes a step from the state by its forces, and tells in it what was seen.
+    pub fn advance<U: Update>(
+        &self,
+        springs: Stretched<T>,
+        state: &mut Particles<T>,
+        leap: Leap<T>,
+        ahead: &mut Ahead<T>,
+        means: Means<T>,
+    ) {
+        let particles = state.len();
+        ahead.positions.resize(particles, T::Vec3::ZERO);
+        ahead.velocities.resize(particles, T::Vec3::ZERO);
+        let none = [T::ZERO; LANES];
+        ahead.motion.resize(particles.div_ceil(BLOCK), Motion { squares: none, way: none, excess: none });
+        let Ahead { positions, velocities, motion } = ahead;
+        let update = PhantomData::<U>;
+        self.pull(springs, state, Advance { leap, first: 0, positions, velocities, motion, update }, means);
+        ahead.replace(state);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pass::{Pass, Vectors, Window};
+    use super::super::tests::{cloths, crumpled, place};
+    use super::*;
+    use crate::math::lanes::{Kernel, Plain};
+    use crate::model::{Springs, Topology};
+
+    struct KickThenDrift;
+
+    impl Update for KickThenDrift {
+        #[inline(always)]
+        fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2] {
+            let v = v + kick;
+            [x + v * dt, v]
+        }
+    }
+
+    /// The same, looked at one by one.
+    fn seen<T: Real>(springs: &Springs<T>, before: &Particles<T>, after: &Particles<T>, limit: f64) -> Seen {
+        let ways =
+            after.positions.iter().zip(&before.positions).map(|(to, from)| (*to - *from).to_f64().length());
+        let left = springs.pairs.iter().zip(&springs.rest).map(|([i, j], rest)| {
+            let [i, j] = [i, j].map(|p| before.positions[*p as usize].to_f64());
+            rest.to_f64() * (1.0 + limit) - i.distance(j)
+        });
+        Seen {
+            squares: after.velocities.iter().map(|v| v.to_f64().length_squared()).sum(),
+            way: ways.fold(0.0, f64::max),
+            left: left.fold(f64::INFINITY, f64::min),
+        }
+    }
+
+    fn agree<T: Real>(topology: &Topology, particles: usize) {
+        let (springs, state) = crumpled::<T>(topology, particles);
+        let slices = Slices::new(particles, &springs);
+        let mass: Vec<T> = (0..particles).map(|i| T::from_f64(1.0 + (i % 3) as f64)).collect();
+        let inverse = |(i, m): (usize, &T)| if i % 7 == 0 { T::ZERO } else { T::ONE / *m };
+        let inverse_mass: Vec<T> = mass.iter().enumerate().map(inverse).collect();
+        let hand = |i: usize| Pull::new(i as u32, place::<T>(i + 2, 1.3), 10.0, mass[i]);
+        let pulls: Vec<Pull<T>> = (0..particles).filter(|i| i % 50 < 3).map(hand).collect();
+        let surroundings = Surroundings {
+            mass: &mass,
+            gravity: place::<T>(1, 9.8),
+            wind: place::<T>(2, 0.1),
+            air_damping: T::from_f64(0.1),
+        };
+        // Below the rest lengths: some springs have none, which are never longer by a ratio of that.
+        let limit = -0.5;
+        let stretched =
+            Stretched { springs: &springs, damping: T::from_f64(2.0), limit: Some(T::from_f64(limit)) };
+        let leap = Leap { surroundings, pulls: &pulls, inverse_mass: &inverse_mass, dt: T::from_f64(0.001) };
+
+        let (mut forces, mut windows) = (vec![T::Vec3::ZERO; particles], Vec::new());
+        let means = Means { windows: &mut windows, threads: 1 };
+        slices.forces(stretched, &state, surroundings, &mut forces, means);
+        crate::forces::pull::add(&pulls, &state.positions, &state.velocities, &mut forces);
+        let mut expected = state.clone();
+        let to = expected.positions.iter_mut().zip(&mut expected.velocities);
+        for ((x, v), (f, w)) in to.zip(forces.iter().zip(&inverse_mass)) {
+            *v += *f * (*w * leap.dt);
+            *x += *v * leap.dt;
+        }
+
+        let on = |threads| {
+            let (mut state, mut ahead, mut windows) = (state.clone(), Ahead::default(), Vec::new());
+            let means = Means { windows: &mut windows, threads };
+            slices.advance::<KickThenDrift>(stretched, &mut state, leap, &mut ahead, means);
+            let seen = state.seen.take().unwrap();
+            assert!(state == expected, "{threads} threads");
+            (seen, ahead)
+        };
+        let (told, mut ahead) = on(1);
+        for threads in [2, 3, 8] {
+            assert_eq!(on(threads).0, told, "{threads} threads");
+        }
+        // A lane adds up a block, and doubles the rest; a length, and what is left of it, are some ten operations.
+        let truth = seen(&springs, &state, &expected, limit);
+        let epsilon = T::EPSILON.to_f64();
+        let sums = (BLOCK / LANES) as f64 * epsilon + particles as f64 * f64::EPSILON;
+        assert!((told.squares - truth.squares).abs() <= sums * truth.squares);
+        assert!((told.way - truth.way).abs() <= 5.0 * epsilon * truth.way);
+        let longest = springs.rest.iter().fold(0.0, |most, rest| rest.to_f64().max(most));
+        assert!((told.left - truth.left).abs() <= 5.0 * epsilon * (4.0 + 1.5 * longest));
+
+        let mut windows = [Window::default()];
+        windows[0].hold(2);
+        let motion = ahead.motion.clone();
+        let Ahead { positions, velocities, motion: again } = &mut ahead;
+        let update = PhantomData::<KickThenDrift>;
+        let sums = Advance { leap, first: 0, positions, velocities, motion: again, update };
+        let fields = [Vectors(&state.positions), Vectors(&state.velocities)];
+        let law = super::super::pulls::Pull::<T, true> { slices: &slices, springs: stretched };
+        let windows = &mut windows;
+        Pass { slices: &slices, particles, fields, law, first: 0, sums, windows }.run::<Plain<T>>(());
+        assert!((&ahead.positions, &ahead.velocities) == (&expected.positions, &expected.velocities));
+        assert!(ahead.motion == motion, "in plain arrays");
+    }
+
+    #[test]
+    fn a_step_on_the_way_is_that_of_all_forces_on_any_machine_and_number_of_threads() {
+        for (topology, particles) in cloths() {
+            agree::<f32>(&topology, particles);
+            agree::<f64>(&topology, particles);
+        }
+    }
+}
