@@ -104,6 +104,26 @@ fn commands_and_results_name_particles_as_the_target_does() {
 }
 
 #[test]
+fn every_hand_pulls_at_its_own_particle() {
+    for id in ["symplectic_euler", "explicit_euler", "velocity_verlet", "implicit_euler"] {
+        let fallen = |pulled: &[u32]| {
+            let mut world = shuffled(SimulatorSettings::new(id));
+            world.apply(Command::Pull { particles: pulled.to_vec(), stiffness: 1000.0 }).unwrap();
+            step(&mut world, 20);
+            let heights = world.mesh().positions.iter().zip(world.positions());
+            heights.map(|(start, now)| start.y - now.y).collect::<Vec<f64>>()
+        };
+        // Some beside each other, some far apart.
+        let pulled: Vec<u32> = [57, 58, 77, 130, 260, 399].map(name).to_vec();
+        let (alone, held) = (fallen(&[]), fallen(&pulled));
+        for p in &pulled {
+            let (alone, held) = (alone[*p as usize], held[*p as usize]);
+            assert!(held < 0.5 * alone, "{id}, particle {p}: {held} instead of {alone}");
+        }
+    }
+}
+
+#[test]
 fn snapshots_branches_and_edits_keep_every_particle_at_its_place() {
     let mut world = shuffled(SimulatorSettings::default());
     step(&mut world, 10);

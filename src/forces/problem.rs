@@ -74,12 +74,12 @@ pub struct Problem<T: Real> {
     /// Elongation, in rest lengths, at which springs tear after a step; none where they do not. A method tells how near they are
     /// ([`Seen`](crate::model::Seen)) where that costs it nothing.
     pub tearing: Option<T>,
-    /// Hands that pull at particles, by particle.
-    pub pulls: Vec<Pull<T>>,
     /// Threads of the current pool that forces may be shared among.
     pub threads: usize,
     /// Set by whoever does not want to wait for the step under way; see [`Problem::is_stopped`].
     pub stop: Option<Arc<AtomicBool>>,
+    /// By particle.
+    pulls: Vec<Pull<T>>,
     /// Made when first needed, as everything that is derived from the springs.
     incidence: OnceLock<Incidence>,
     slices: OnceLock<Slices<T>>,
@@ -169,6 +169,19 @@ impl<T: Real> Problem<T> {
     /// Makes a particle immovable (pinned or held), or free.
     pub fn set_fixed(&mut self, particle: usize, fixed: bool) {
         self.inverse_mass[particle] = if fixed { T::ZERO } else { T::ONE / self.mass[particle] };
+    }
+
+    /// The hands that pull at particles, by particle.
+    pub fn pulls(&self) -> &[Pull<T>] {
+        &self.pulls
+    }
+
+    /// Replaces the hands that pull: at which particle, where to (m), and how stiff (N/m).
+    pub fn set_pulls(&mut self, hands: impl Iterator<Item = (u32, T::Vec3, f64)>) {
+        let Self { pulls, mass, .. } = self;
+        pulls.clear();
+        pulls.extend(hands.map(|(p, to, stiffness)| Pull::new(p, to, stiffness, mass[p as usize])));
+        pulls.sort_unstable_by_key(|pull| pull.particle);
     }
 
     /// Whether a hand pulls, or moves a particle that it holds: what it does next is not known before the step after.

@@ -91,7 +91,7 @@ impl Spectrum {
             inverse_root: problem.inverse_mass.iter().map(|w| w.to_f64().sqrt()).collect(),
             springs,
             pulls: problem
-                .pulls
+                .pulls()
                 .iter()
                 .map(|p| (p.particle as usize, p.stiffness.to_f64(), p.damping.to_f64()))
                 .collect(),

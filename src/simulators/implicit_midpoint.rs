@@ -158,7 +158,7 @@ fn balance<T: Real>(
         energy += 0.5 * m.to_f64() * square;
         power += problem.air_damping.to_f64() * square;
     }
-    for pull in &problem.pulls {
+    for pull in problem.pulls() {
         let v = middle.velocities[pull.particle as usize];
         power += pull.damping.to_f64() * v.dot(v).to_f64();
     }

@@ -33,7 +33,7 @@ impl<T: Real> Inertia<T> {
         });
         self.velocity.resize(particles, T::Vec3::ZERO);
         problem.external_forces(state, &mut self.velocity);
-        for pull in &problem.pulls {
+        for pull in problem.pulls() {
             let i = pull.particle as usize;
             self.mass[i] += h * pull.damping + h * h * pull.stiffness;
             self.velocity[i] -= state.velocities[i] * (h * pull.stiffness);

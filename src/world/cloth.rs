@@ -5,7 +5,6 @@
 
 use super::hand::{Grip, Hand};
 use super::tearing::{self, Watch};
-use crate::forces::pull::Pull;
 use crate::forces::springs::SpringParams;
 use crate::forces::{Cost, Problem, SpringSet};
 use crate::math::{Real, Vector};
@@ -179,14 +178,13 @@ impl<T: Build> Cloth<T> {
 
     /// Takes over where hands that pull will be at the end of the next step.
     pub fn set_pulls(&mut self, hands: &[Hand]) {
-        self.problem.pulls.clear();
-        for hand in hands {
-            if let Grip::Pull(stiffness) = hand.grip {
-                let (to, index) = (T::Vec3::from_f64(hand.next()), self.index(hand.particle));
-                let mass = self.problem.mass[index];
-                self.problem.pulls.push(Pull::new(index as u32, to, stiffness, mass));
+        let Self { problem, numbering, .. } = self;
+        problem.set_pulls(hands.iter().filter_map(|hand| match hand.grip {
+            Grip::Pull(stiffness) => {
+                Some((numbering.inner(hand.particle), T::Vec3::from_f64(hand.next()), stiffness))
             }
-        }
+            Grip::Hold => None,
+        }));
     }
 
     pub fn position(&self, particle: u32) -> DVec3 {
