@@ -3,6 +3,7 @@
 
 use super::sorting::sort_by_particle;
 use super::{Numbering, SpringKind, Topology};
+use crate::math::parts::each_particle;
 use crate::math::{Real, Vector};
 use std::ops::Range;
 
@@ -64,14 +65,21 @@ impl<T: Real> Springs<T> {
             for pair in pairs {
                 let torn = broken.next_if_eq(&id).is_some();
                 if settings.enabled && !torn {
-                    let [a, b] = pair.map(|p| rest_positions[p as usize]);
                     springs.pairs.push(*pair);
-                    springs.rest.push((b - a).length() * T::from_f64(settings.rest_scale));
                     springs.ids.push(id);
                 }
                 id += 1;
             }
             let range = start..springs.pairs.len();
+            springs.rest.resize(range.end, T::ZERO);
+            let scale = T::from_f64(settings.rest_scale);
+            let lists = (&mut springs.rest[range.clone()], &springs.pairs[range.clone()]);
+            each_particle(lists, rayon::current_num_threads(), |(rest, pairs): (&mut [T], &[[u32; 2]])| {
+                for (rest, pair) in rest.iter_mut().zip(pairs) {
+                    let [a, b] = pair.map(|p| rest_positions[p as usize]);
+                    *rest = (b - a).length() * scale;
+                }
+            });
             if !range.is_empty() {
                 springs.groups.push(Group { kind, range, stiffness: T::from_f64(settings.stiffness) });
             }
@@ -85,21 +93,17 @@ impl<T: Real> Springs<T> {
         if numbering.is_identity() {
             return;
         }
-        for group in &self.groups {
-            let range = group.range.clone();
-            let inner = range.clone().map(|s| {
-                let [a, b] = self.pairs[s].map(|p| numbering.inner(p));
-                ([a.min(b), a.max(b)], s as u32)
-            });
-            let order = sort_by_particle(inner.collect(), numbering.len(), |(ends, _)| ends[0]);
-            let rest: Vec<T> = order.iter().map(|(_, s)| self.rest[*s as usize]).collect();
-            let ids: Vec<u32> = order.iter().map(|(_, s)| self.ids[*s as usize]).collect();
-            self.rest[range.clone()].copy_from_slice(&rest);
-            self.ids[range.clone()].copy_from_slice(&ids);
-            for (pair, (ends, _)) in self.pairs[range].iter_mut().zip(&order) {
-                *pair = *ends;
+        let (mut pairs, mut rest, mut ids) = (&mut self.pairs[..], &mut self.rest[..], &mut self.ids[..]);
+        rayon::scope(|scope| {
+            for group in &self.groups {
+                let own = (
+                    pairs.split_off_mut(..group.range.len()).unwrap_or_default(),
+                    rest.split_off_mut(..group.range.len()).unwrap_or_default(),
+                    ids.split_off_mut(..group.range.len()).unwrap_or_default(),
+                );
+                scope.spawn(|_| renumber(own, numbering));
             }
-        }
+        });
     }
 
     /// Takes springs out, keeping the order of the others; `torn` are sorted indices.
@@ -145,5 +149,19 @@ impl<T: Real> Springs<T> {
     /// Whether no spring acts.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
+    }
+}
+
+/// Does that to the springs of one kind.
+fn renumber<T: Real>((pairs, rest, ids): (&mut [[u32; 2]], &mut [T], &mut [u32]), numbering: &Numbering) {
+    let inner = (0..).zip(&*pairs).map(|(s, pair)| {
+        let [a, b] = pair.map(|p| numbering.inner(p));
+        ([a.min(b), a.max(b)], s)
+    });
+    let order: Vec<([u32; 2], u32)> = sort_by_particle(inner.collect(), numbering.len(), |(ends, _)| ends[0]);
+    let (old_rest, old_ids) = (rest.to_vec(), ids.to_vec());
+    let lists = pairs.iter_mut().zip(rest).zip(ids);
+    for (((pair, rest), id), (ends, s)) in lists.zip(order) {
+        (*pair, *rest, *id) = (ends, old_rest[s as usize], old_ids[s as usize]);
     }
 }
