@@ -10,6 +10,7 @@
 use super::{Model, Simulator, region};
 use crate::forces::{Cost, Mode, Problem, Spectrum};
 use crate::math::Real;
+use crate::math::parts::each_particle;
 use crate::model::Particles;
 
 crate::params! {
@@ -52,6 +53,7 @@ impl Simulator for Rk4 {
     ) {
         let Buffers { stage, force, sums } = scratch;
         let (two, half, sixth) = (T::from_f64(2.0), T::from_f64(0.5) * dt, dt / T::from_f64(6.0));
+        let threads = problem.useful_threads();
         force.resize(state.len(), T::Vec3::default());
         stage.positions.clone_from(&state.positions);
         stage.velocities.clone_from(&state.velocities);
@@ -62,26 +64,35 @@ impl Simulator for Rk4 {
         // Of each slope: its weight, and how far along it the next one is taken.
         for (weight, ahead) in [(T::ONE, half), (two, half), (two, dt)] {
             problem.forces(stage, force, cost);
-            let starts = state.positions.iter().zip(&state.velocities);
-            let stages = stage.positions.iter_mut().zip(&mut stage.velocities);
-            let slopes = force.iter().zip(&problem.inverse_mass);
-            for ((((x0, v0), (x, v)), (&f, &w)), sum) in starts.zip(stages).zip(slopes).zip(&mut *sums) {
-                let (velocity, acceleration) = (*v, f * w);
-                sum[0] += velocity * weight;
-                sum[1] += acceleration * weight;
-                *x = *x0 + velocity * ahead;
-                *v = *v0 + acceleration * ahead;
-            }
+            let starts = (&state.positions[..], &state.velocities[..]);
+            let stages = (&mut stage.positions[..], &mut stage.velocities[..]);
+            let slopes = (&force[..], &problem.inverse_mass[..], &mut sums[..]);
+            each_particle((starts, stages, slopes), threads, |(starts, stages, (force, inverse_mass, sums))| {
+                let starts = starts.0.iter().zip(starts.1);
+                let stages = stages.0.iter_mut().zip(stages.1);
+                let slopes = force.iter().zip(inverse_mass).zip(sums);
+                for (((x0, v0), (x, v)), ((&f, &w), sum)) in starts.zip(stages).zip(slopes) {
+                    let (velocity, acceleration) = (*v, f * w);
+                    sum[0] += velocity * weight;
+                    sum[1] += acceleration * weight;
+                    *x = *x0 + velocity * ahead;
+                    *v = *v0 + acceleration * ahead;
+                }
+            });
             stage.time = state.time + ahead.to_f64();
         }
         problem.forces(stage, force, cost);
-        let particles = state.positions.iter_mut().zip(&mut state.velocities);
-        let slopes = stage.velocities.iter().zip(&*force).zip(&problem.inverse_mass);
-        for (((x, v), ((&velocity, &f), &w)), sum) in particles.zip(slopes).zip(&*sums) {
-            // One that no force moves goes by dt v exactly, not by a sum of sixths.
-            *x += if w > T::ZERO { (sum[0] + velocity) * sixth } else { *v * dt };
-            *v += (sum[1] + f * w) * sixth;
-        }
+        let particles = (&mut state.positions[..], &mut state.velocities[..]);
+        let slopes = (&stage.velocities[..], &force[..], &problem.inverse_mass[..], &sums[..]);
+        each_particle((particles, slopes), threads, |(particles, (stage, force, inverse_mass, sums))| {
+            let particles = particles.0.iter_mut().zip(particles.1);
+            let slopes = stage.iter().zip(force).zip(inverse_mass).zip(sums);
+            for ((x, v), (((&velocity, &f), &w), sum)) in particles.zip(slopes) {
+                // One that no force moves goes by dt v exactly, not by a sum of sixths.
+                *x += if w > T::ZERO { (sum[0] + velocity) * sixth } else { *v * dt };
+                *v += (sum[1] + f * w) * sixth;
+            }
+        });
     }
 
     /// A motion with the roots z/dt of z² + dt g z + dt² ω² = 0 stays bounded while |1 + z + z²/2 + z³/6 + z⁴/24| ≤ 1:

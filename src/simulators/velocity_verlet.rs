@@ -17,6 +17,7 @@
 use super::{Model, Simulator};
 use crate::forces::{Cost, Mode, Problem, Spectrum};
 use crate::math::Real;
+use crate::math::parts::each_particle;
 use crate::model::Particles;
 
 crate::params! {
@@ -55,26 +56,35 @@ impl Simulator for VelocityVerlet {
         halfway.resize(state.len(), T::Vec3::default());
         let handled = problem.is_handled(state);
         if !handled && state.memory.vectors.len() == state.len() {
-            force.copy_from_slice(&state.memory.vectors);
+            std::mem::swap(force, &mut state.memory.vectors);
         } else {
             problem.forces(state, force, cost);
         }
-        let particles = state.positions.iter_mut().zip(&mut state.velocities);
-        for ((((x, v), h), &f), &w) in particles.zip(&mut *halfway).zip(&*force).zip(&problem.inverse_mass) {
-            let acceleration = f * w;
-            *h = *v + acceleration * half;
-            *x += *h * dt;
-            *v += acceleration * dt;
-        }
+        let threads = problem.useful_threads();
+        let particles = (&mut state.positions[..], &mut state.velocities[..], &mut halfway[..]);
+        let slopes = (&force[..], &problem.inverse_mass[..]);
+        each_particle((particles, slopes), threads, |((positions, velocities, halfway), (force, inverse_mass))| {
+            let particles = positions.iter_mut().zip(velocities).zip(halfway);
+            for (((x, v), h), (&f, &w)) in particles.zip(force.iter().zip(inverse_mass)) {
+                let acceleration = f * w;
+                *h = *v + acceleration * half;
+                *x += *h * dt;
+                *v += acceleration * dt;
+            }
+        });
         state.time = start + dt.to_f64();
         problem.forces(state, force, cost);
         state.time = start;
-        for (((v, h), &f), &w) in state.velocities.iter_mut().zip(&*halfway).zip(&*force).zip(&problem.inverse_mass) {
-            *v = *h + f * (w * half);
-        }
+        let particles = (&mut state.velocities[..], &halfway[..], &force[..], &problem.inverse_mass[..]);
+        each_particle(particles, threads, |(velocities, halfway, force, inverse_mass)| {
+            let slopes = force.iter().zip(inverse_mass);
+            for ((v, h), (&f, &w)) in velocities.iter_mut().zip(halfway).zip(slopes) {
+                *v = *h + f * (w * half);
+            }
+        });
         state.memory.vectors.clear();
         if !handled {
-            state.memory.vectors.extend_from_slice(force);
+            std::mem::swap(force, &mut state.memory.vectors);
         }
     }
 
