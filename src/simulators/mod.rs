@@ -6,6 +6,9 @@
 //! empties when anything of the method, dt or the problem changes, and which travels with every snapshot. Where hands go
 //! from step to step is no such change: a method sees it by [`Problem::is_handled`].
 //!
+//! A method that asks for the forces at the start of a step and for no others writes its update down as an
+//! [`Update`](crate::forces::Update): each particle is moved in the pass that sums up its forces.
+//!
 //! The README's "Which method for which scene" says which to choose, with figures; each method's own text says what it costs.
 
 mod blocks;

@@ -2,7 +2,8 @@
 //!
 //! Gravity, wind, hands and the energy at the start bound the kinetic energy that a cloth can have, since springs only
 //! exchange energy and damping takes it away. A [`Ledger`] keeps that bound; kinetic energy far beyond it can only come
-//! from the method. It takes one pass over the velocities a step, none over the springs.
+//! from the method. It takes one pass over the velocities a step, none where the method has seen how fast they are, and none over
+//! the springs.
 
 use super::cloth::Cloth;
 use super::hand::{Grip, Hand};
