@@ -6,6 +6,7 @@ mod common;
 use common::{advance, problem_on, step};
 use glam::DVec3;
 use std::fmt::Write as _;
+use tenter::model::Numbering;
 use tenter::scene::{Pin, Pins, Place, Scene, Target};
 use tenter::simulators::SimulatorSettings;
 use tenter::target::grid;
@@ -14,22 +15,32 @@ use tenter::world::{Command, World};
 const SIDE: u32 = 20;
 const COUNT: u32 = SIDE * SIDE;
 
-/// The name that the shuffled mesh gives to a particle of the sheet: 7 has no divisor in common with the count.
-fn name(of: u32) -> u32 {
-    of * 7 * 23 % COUNT
+/// The faces of the sheet in an order without sense: the step has no divisor in common with their count.
+fn faces() -> impl Iterator<Item = Vec<u32>> {
+    const FACES: usize = (SIDE as usize - 1).pow(2);
+    let mesh = grid(SIDE, SIDE, 1.0, false);
+    (0..FACES).map(move |f| mesh.face(f * 7919 % FACES).to_vec())
 }
 
-/// A world on a sheet whose vertices stand in an order without sense, hanging by two corners.
-fn shuffled(settings: SimulatorSettings) -> World {
-    let mesh = grid(SIDE, SIDE, 1.0, false);
-    let mut vertices = vec![DVec3::ZERO; COUNT as usize];
-    for (at, p) in (0..).zip(&mesh.positions) {
-        vertices[name(at) as usize] = *p;
+/// The number that a particle of the sheet has on the shuffled mesh: particles are numbered as its faces first use them.
+fn name(of: u32) -> u32 {
+    let mut met = Vec::new();
+    for p in faces().flatten() {
+        if !met.contains(&p) {
+            met.push(p);
+        }
     }
+    met.iter().position(|p| *p == of).unwrap() as u32
+}
+
+/// A world on a sheet whose particles stand in an order without sense, hanging by two corners.
+fn shuffled(settings: SimulatorSettings) -> World {
     let mut text = String::new();
-    vertices.iter().for_each(|p| writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap());
-    for face in mesh.faces() {
-        let corners: Vec<String> = face.iter().map(|p| (name(*p) + 1).to_string()).collect();
+    for p in grid(SIDE, SIDE, 1.0, false).positions {
+        writeln!(text, "v {} {} {}", p.x, p.y, p.z).unwrap();
+    }
+    for face in faces() {
+        let corners: Vec<String> = face.iter().map(|p| (p + 1).to_string()).collect();
         writeln!(text, "f {}", corners.join(" ")).unwrap();
     }
     let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
@@ -43,7 +54,9 @@ fn shuffled(settings: SimulatorSettings) -> World {
         dt: 0.01,
         ..Scene::default()
     };
-    World::new(scene, place).unwrap()
+    let world = World::new(scene, place).unwrap();
+    assert!(!Numbering::of(COUNT as usize, world.topology()).is_identity());
+    world
 }
 
 #[test]
