@@ -53,6 +53,8 @@ pub struct Engine {
     reference: usize,
     clock: Clock,
     running: bool,
+    /// It ran when it burst: once something is set it goes on.
+    goes_on_once_set: bool,
     values: Values,
     orders: u64,
     version: u64,
@@ -106,6 +108,7 @@ impl Engine {
             reference: 0,
             clock: Clock::default(),
             running: false,
+            goes_on_once_set: false,
             values: Values::None,
             orders: 0,
             version: 0,
@@ -159,6 +162,9 @@ impl Engine {
     }
 
     fn act(&mut self, order: Order) -> Result<(), Refusal> {
+        if matches!(order, Order::Open(_) | Order::Run(_) | Order::Step(_) | Order::Scrub(_) | Order::Again) {
+            self.goes_on_once_set = false;
+        }
         match order {
             Order::Open(setups) => self.open(setups)?,
             Order::AddLane { from, at, title, settings, back } => {
@@ -251,6 +257,11 @@ impl Engine {
         }
         self.measure_at = Instant::now();
         self.stale = true;
+        if result.is_ok() && matches!(command, Command::Set { .. }) && self.goes_on_once_set {
+            self.goes_on_once_set = false;
+            self.running = true;
+            self.rest();
+        }
         result
     }
 
@@ -400,6 +411,7 @@ impl Engine {
         }
         let has_burst = self.lanes.iter().any(|lane| lane.world.health().is_diverged());
         if has_burst {
+            self.goes_on_once_set = self.running;
             self.running = false;
             self.measure_at = Instant::now();
             self.limit_at = self.measure_at;

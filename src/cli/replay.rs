@@ -36,7 +36,11 @@ pub fn replay(options: &Options) -> Result<Ending, Refusal> {
         )?;
         check(&recording, &world, &name)?;
         if world.steps() >= recording.steps {
-            common.say("The end is the recorded one, bit for bit.");
+            common.say(if recording.digest.is_empty() {
+                "The recording has no digest of its end to compare with."
+            } else {
+                "The end is the recorded one, bit for bit."
+            });
         }
         return Ok(ending);
     }

@@ -130,6 +130,38 @@ fn a_burst_pauses_and_going_back_gives_a_good_state() {
 }
 
 #[test]
+fn what_has_burst_goes_on_once_something_is_set_and_tells_when_it_bursts_again() {
+    let set = |value: &str| {
+        let key = "springs.stretch.stiffness".to_owned();
+        Order::Apply(None, Command::Set { key, value: value.to_owned() })
+    };
+    let mut engine = engine(&["()"]);
+    let advance = |engine: &mut Engine| {
+        for _ in 0..200 {
+            engine.advance(Duration::from_millis(50), || false);
+        }
+        let state = engine.state();
+        (state.running, state.lanes[0].health.is_diverged())
+    };
+    engine.take(Order::Run(true));
+    // As a hand on a slider does.
+    for stiffness in ["1e5", "3e5", "1e6"] {
+        engine.take(set(stiffness));
+        assert_eq!(advance(&mut engine), (false, true), "{stiffness}");
+    }
+    engine.take(Order::GoBack(2.0));
+    assert!(!engine.state().running);
+    engine.take(set("1000"));
+    assert_eq!(advance(&mut engine), (true, false));
+    // Whoever has paused it or takes single steps does so still.
+    engine.take(Order::Step(1));
+    engine.take(set("1e6"));
+    engine.take(Order::Step(200));
+    engine.take(set("1e5"));
+    assert!(!engine.state().running);
+}
+
+#[test]
 fn a_lane_added_while_time_passes_goes_on_from_the_same_state() {
     let mut engine = engine(&["()"]);
     engine.take(Order::Step(20));

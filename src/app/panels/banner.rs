@@ -49,14 +49,16 @@ pub fn banner_ui(ui: &Ui, viewport: Rect, session: &mut Session) {
         ui.horizontal_wrapped(|ui| {
             let dt = lane.scene.dt;
             let set = |session: &mut Session, to: f64| {
+                // What has burst is no shape to go on from.
+                session.order(Order::GoBack(BACK));
                 session.set(only, "dt", &format!("{to:?}"), &format!("{dt:?}"));
                 session.end_edit();
             };
-            if ui.button("Halve dt").on_hover_text(format!("dt {} s", Short(dt / 2.0))).clicked() {
+            if ui.button("Halve dt").on_hover_text(format!("Go back 2 s, and on from there with dt {} s", Short(dt / 2.0))).clicked() {
                 set(session, dt / 2.0);
             }
             if let Some(safe) = safe_step(&lane).filter(|safe| *safe < dt) {
-                let tip = "0.9 of the largest stable step in theory for this shape: it would have held";
+                let tip = "Go back 2 s, and on from there with 0.9 of the largest stable step in theory for this shape: it would have held";
                 if ui.button(format!("Set dt to {} s", Short(safe))).on_hover_text(tip).clicked() {
                     set(session, safe);
                 }

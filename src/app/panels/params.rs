@@ -164,7 +164,8 @@ fn tooltip(info: &Info, accepted: &str, key: &str, default: &str) -> String {
 fn number_slider(ui: &mut Ui, info: &Info, value: &mut f64, name: &str, integer: bool) -> egui::Response {
     let suffix = if info.unit.is_empty() { String::new() } else { format!(" {}", info.unit) };
     let response = if let Some((scale, range)) = &info.slider {
-        ui.spacing_mut().slider_width = (ui.available_width() - 116.0).clamp(40.0, 150.0);
+        // Beside it there is room for a long number and the way back to the default: what does not fit makes the panel grow.
+        ui.spacing_mut().slider_width = (ui.available_width() - 140.0).clamp(40.0, 150.0);
         let mut slider = Slider::new(value, range.clone())
             .logarithmic(*scale == Scale::Log)
             .clamping(SliderClamping::Never)
