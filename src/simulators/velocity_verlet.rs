@@ -11,7 +11,7 @@
 //! a hand moves or pulls: the velocity of a particle that is held and the point that a hand pulls towards jump from one step
 //! to the next, and a kept force would know those of the step before, half a step late on average.
 //!
-//! Undamped it is symplectic and keeps energy for ever. Choose it for accuracy just above the stability limit: undamped that is
+//! Undamped it is symplectic and keeps energy for ever. Choose it for accuracy at steps just below the stability limit: undamped that is
 //! the limit of symplectic Euler, at whose cost it errs a hundred times less. Strong damping halves its limit beside that.
 
 use super::{Model, Simulator};
@@ -37,7 +37,7 @@ pub struct Buffers<T: Real> {
 impl Simulator for VelocityVerlet {
     const ID: &'static str = "velocity_verlet";
     const SUMMARY: &'static str =
-        "Velocity Verlet: second order at one force evaluation; accurate just above the stability limit.";
+        "Velocity Verlet: second order at one force evaluation; accurate up to its stability limit.";
     const ORDER: u32 = 2;
     const MODEL: Model = Model::Springs;
     type Scratch<T: Real> = Buffers<T>;
