@@ -15,7 +15,7 @@ pub struct Particles<T: Real> {
     pub broken: Vec<u32>,
     /// What the method carries from step to step besides positions and velocities.
     pub memory: Memory<T>,
-    /// What the step that led here has seen, if its method tells. Nothing depends on it.
+    /// What the step under way has seen, if its method tells; none before it. A method that moves particles besides says none.
     pub seen: Option<Seen>,
 }
 

@@ -66,7 +66,7 @@ struct Motion<T> {
 }
 
 impl<T: Real> Ahead<T> {
-    /// Becomes the state.
+    /// Becomes the state. Where a method does so several times in a step, ways add up to what is left at first.
     fn replace(&mut self, state: &mut Particles<T>) {
         std::mem::swap(&mut state.positions, &mut self.positions);
         std::mem::swap(&mut state.velocities, &mut self.velocities);
@@ -74,11 +74,9 @@ impl<T: Real> Ahead<T> {
             self.motion.iter().flat_map(of).map(|value| value.to_f64()).fold(least, f64::max)
         };
         let sums = self.motion.iter().map(|m| m.squares.into_iter().map(T::to_f64).sum::<f64>());
-        state.seen = Some(Seen {
-            squares: sums.sum(),
-            way: largest(|m| &m.way, 0.0).sqrt(),
-            left: -largest(|m| &m.excess, f64::NEG_INFINITY),
-        });
+        let (way, left) = (largest(|m| &m.way, 0.0).sqrt(), -largest(|m| &m.excess, f64::NEG_INFINITY));
+        let (way, left) = state.seen.map_or((way, left), |before| (before.way + way, before.left));
+        state.seen = Some(Seen { squares: sums.sum(), way, left });
     }
 }
 
