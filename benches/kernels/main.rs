@@ -1,14 +1,17 @@
 //! Nanoseconds per spring visit of every method beside the machine's bounds and hand-written kernels, all in one run.
 //!
-//! `cargo bench --no-default-features --bench kernels`: explicit steps in every size, order of numbering, precision and
-//! number of threads. `-- sweeps`: relaxation and XPBD; `-- implicit`: the parts of implicit steps; `-- methods`: every method in both precisions; `-- around`: what watching
-//! and tearing add to a step, building, measuring, and the limit of stability; with `large`, 1000² particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits all of
-//! them alike.
+//! `cargo bench --no-default-features --bench kernels`: explicit steps beside kernels by hand. `-- methods`: every method, or those that are named, in every
+//! size, order of numbering, precision and number of threads; `-- sweeps`: relaxation and XPBD; `-- implicit`: the parts of
+//! implicit steps; `-- around`: what watching and tearing add to a step, building, measuring, and the limit of stability; with
+//! `large`, 1000² particles too. Candidates take turns and each keeps its shortest time, so that what else the machine does hits
+//! all of them alike.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod machine;
 mod reference;
 
 use glam::{DVec3, Vec3};
+use machine::{Machine, Work};
 use reference::Reference;
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
@@ -151,6 +154,7 @@ fn explicit(sides: &[u32]) {
     println!(
         "symplectic Euler, whole step of a world, ns per spring visit; ratios to the half gather and the stencil"
     );
+    let mut machine = Machine::default();
     println!(
         "mesh             bound   list half-gather stencil | Single  ratio  ratio | two threads | Double   to Single"
     );
@@ -158,6 +162,7 @@ fn explicit(sides: &[u32]) {
     for &side in sides {
         for shuffled in [false, true] {
             let of = |precision, threads| step(sheet(side, shuffled, "symplectic_euler", precision, threads));
+            let work = work(&mut sheet(side, shuffled, "symplectic_euler", Single, 1));
             let reference = |kernel: fn(&mut Reference)| {
                 let mut reference = Reference::new(side);
                 Box::new(move || {
@@ -178,7 +183,7 @@ fn explicit(sides: &[u32]) {
             let name = if shuffled { "shuffled" } else { "in order" };
             println!(
                 "{side:4}² {name}    {:5.2}  {list:5.2}  {half:6.2}    {stencil:5.2}   | {single:5.2}  {:5.2}  {:5.2}  | {two:5.2} ({:4.2}x) | {double:5.2}  {:5.2}",
-                reference::bound(side),
+                machine.bound(&work) / work.visits,
                 single / half,
                 single / stencil,
                 single / two,
@@ -193,24 +198,55 @@ fn explicit(sides: &[u32]) {
     }
 }
 
+/// Methods whose solver's iterations multiply by a matrix.
+const MULTIPLYING: [&str; 3] = ["implicit_euler", "implicit_midpoint", "bdf2"];
+
+/// What a step of a world does, from the one that it takes here.
+fn work(world: &mut World) -> Work {
+    let springs = Reference::new(world.pinned().len().isqrt() as u32).springs() as f64;
+    let before = world.cost();
+    world.step();
+    let cost = world.cost();
+    let visits = (cost.spring_visits - before.spring_visits) as f64;
+    let is_multiplying = MULTIPLYING.contains(&world.scene().simulator.id.as_str());
+    let iterations = (cost.solver_iterations - before.solver_iterations) as f64;
+    let products = if is_multiplying { iterations * springs } else { 0.0 };
+    let size = if world.scene().precision == Precision::Single { 4 } else { 8 };
+    Work { particles: world.pinned().len() as f64, springs, visits: visits - products, products, size }
+}
+
 fn methods(sides: &[u32]) {
     println!(
-        "every method, in order: ns per spring visit, and microseconds a step on one thread; times as fast on two"
+        "every method, ns per spring visit: bound; one thread, and how many times the bound; times as fast on two; ms a step on one"
     );
-    for entry in simulators::ALL {
+    let mut machine = Machine::default();
+    let named = |entry: &&simulators::Entry| std::env::args().any(|argument| argument == entry.id);
+    let any_named = simulators::ALL.iter().any(|entry| named(&entry));
+    for entry in simulators::ALL.iter().filter(|entry| !any_named || named(entry)) {
         for precision in [Precision::Single, Precision::Double] {
-            print!("{:20} {:6}", entry.id, format!("{precision:?}"));
-            for &side in sides {
-                let [mut one, two] = [1, 2].map(|threads| sheet(side, false, entry.id, precision, threads));
-                one.step();
-                let before = one.cost().spring_visits;
-                one.step();
-                let visits = (one.cost().spring_visits - before) as f64;
-                let mut candidates = [(entry.id.into(), step(one)), (entry.id.into(), step(two))];
-                let [one, two] = race(&mut candidates, 0.1)[..] else { unreachable!() };
-                print!("  {side}²: {one:6.2} {:9.1} {:4.2}x", one * visits / 1e3, one / two);
+            for shuffled in [false, true] {
+                let order = if shuffled { "shuffled" } else { "in order" };
+                print!("{:20} {:6} {order}", entry.id, format!("{precision:?}"));
+                for &side in sides {
+                    // A factor of 1000² takes gigabytes.
+                    if side >= 1000 && entry.id == "projective_dynamics" {
+                        continue;
+                    }
+                    let mut one = sheet(side, shuffled, entry.id, precision, 1);
+                    // Twice as many threads on the same cloth.
+                    let mut two = one.snapshot().branch(one.scene().clone()).expect("the same scene");
+                    two.set_threads(2).expect("threads");
+                    one.step();
+                    let work = work(&mut one);
+                    let visits = work.visits + work.products;
+                    let bound = machine.bound(&work) / visits;
+                    let mut candidates = [(entry.id.into(), step(one)), (entry.id.into(), step(two))];
+                    let [one, two] = race(&mut candidates, 0.1)[..] else { unreachable!() };
+                    let (ratio, faster, ms) = (one / bound, one / two, one * visits / 1e6);
+                    print!(" | {side:4}²: {bound:5.2} {one:6.2} {ratio:5.1}x {faster:4.2}x {ms:9.3}");
+                }
+                println!();
             }
-            println!();
         }
     }
 }
@@ -228,10 +264,11 @@ fn bare(side: u32, simulator: &str) -> Box<dyn FnMut() -> u64> {
     (problem.inverse_mass[0], problem.inverse_mass[side as usize - 1]) = (0.0, 0.0);
     let mut state = Particles::at_rest(mesh.positions.iter().map(|p| (*p + crumple(*p)).as_vec3()).collect());
     let mut stepper = f32::build(&scene.simulator).expect("a method");
-    let (dt, springs) = (scene.dt as f32, problem.springs.len() as u64);
+    let (dt, mut cost) = (scene.dt as f32, Cost::default());
     Box::new(move || {
-        stepper.step(&problem, &mut state, dt, &mut Cost::default());
-        springs
+        let before = cost.spring_visits;
+        stepper.step(&problem, &mut state, dt, &mut cost);
+        cost.spring_visits - before
     })
 }
 
@@ -239,31 +276,35 @@ fn bare(side: u32, simulator: &str) -> Box<dyn FnMut() -> u64> {
 fn overheads(sides: &[u32]) {
     /// Where its memory lies makes a step up to a tenth slower: the best of so many counts.
     const PLACES: usize = 5;
-    println!("symplectic Euler, Single, one thread, ns per spring visit");
+    const METHODS: [&str; 6] =
+        ["symplectic_euler", "velocity_verlet", "rk4", "verlet", "xpbd", "implicit_euler"];
+    println!("Single, one thread, ns per spring visit");
     println!(
-        "         the method alone | world: all that watches, over the method | tearing on at 3 rest lengths, over the world"
+        "                          the method alone | world: all that watches, over the method | tearing on at 3 rest lengths, over the world"
     );
-    for &side in sides {
-        let of = |tearing: bool| {
-            let mut scene = scene(side, "symplectic_euler", Precision::Single);
-            scene.tearing.enabled = tearing;
-            step(crumpled(&World::new(scene, Place::default()).expect("a sheet"), 1))
-        };
-        let mut candidates: Vec<Candidate> = Vec::new();
-        for _ in 0..PLACES {
-            candidates.push(("alone".into(), bare(side, "symplectic_euler")));
-            candidates.push(("world".into(), of(false)));
-            candidates.push(("tearing".into(), of(true)));
+    for method in METHODS {
+        for &side in sides {
+            let of = |tearing: bool| {
+                let mut scene = scene(side, method, Precision::Single);
+                scene.tearing.enabled = tearing;
+                step(crumpled(&World::new(scene, Place::default()).expect("a sheet"), 1))
+            };
+            let mut candidates: Vec<Candidate> = Vec::new();
+            for _ in 0..PLACES {
+                candidates.push(("alone".into(), bare(side, method)));
+                candidates.push(("world".into(), of(false)));
+                candidates.push(("tearing".into(), of(true)));
+            }
+            let times = race(&mut candidates, 0.5);
+            let best = [0, 1, 2]
+                .map(|kind| times.iter().skip(kind).step_by(3).copied().fold(f64::INFINITY, f64::min));
+            let [alone, world, tearing] = best;
+            println!(
+                "{method:20} {side:4}² {alone:6.2}           | {world:6.2} {:+5.1} %                          | {tearing:6.2} {:+5.1} %",
+                100.0 * (world / alone - 1.0),
+                100.0 * (tearing / world - 1.0)
+            );
         }
-        let times = race(&mut candidates, 0.5);
-        let best =
-            [0, 1, 2].map(|kind| times.iter().skip(kind).step_by(3).copied().fold(f64::INFINITY, f64::min));
-        let [alone, world, tearing] = best;
-        println!(
-            "{side:4}²    {alone:5.2}             | {world:5.2} {:+5.1} %                           | {tearing:5.2} {:+5.1} %",
-            100.0 * (world / alone - 1.0),
-            100.0 * (tearing / world - 1.0)
-        );
     }
 }
 

@@ -80,16 +80,6 @@ struct Group {
     stiffness: [f32; LANES],
 }
 
-/// Least time per spring and step, ns, at 30 GB/s and at 6.7 thousand million roots and as many divisions a second: the
-/// larger of what must be read and written of particles and springs, if they do not fit the caches, and of what is computed.
-pub fn bound(side: u32) -> f64 {
-    let (particles, springs) = (f64::from(side * side), 6.0 * f64::from(side * side));
-    // Positions and velocities read and written, mass and force; index and rest length of a spring.
-    let bytes = particles * (4.0 * 12.0 + 4.0 + 24.0) + springs * 8.0;
-    let memory = if bytes > 32e6 { bytes / 30.0 } else { bytes / 90.0 };
-    (memory / springs).max(2.0 / 6.7)
-}
-
 impl Reference {
     pub fn new(side: u32) -> Self {
         let mesh = grid(side, side, 1.0, false);
