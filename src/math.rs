@@ -3,6 +3,7 @@
 pub mod lanes;
 pub mod parts;
 pub mod random;
+pub mod rows;
 
 use glam::{DVec3, Vec3};
 use std::fmt::Debug;
@@ -79,6 +80,8 @@ pub trait Vector:
     fn to_f64(self) -> DVec3;
     /// The components of vectors, one behind the other.
     fn flat(vectors: &[Self]) -> &[Self::Scalar];
+    /// The same, to be written.
+    fn flat_mut(vectors: &mut [Self]) -> &mut [Self::Scalar];
 }
 
 macro_rules! precision {
@@ -134,6 +137,10 @@ macro_rules! precision {
             #[inline]
             fn flat(vectors: &[Self]) -> &[$real] {
                 bytemuck::cast_slice(vectors)
+            }
+            #[inline]
+            fn flat_mut(vectors: &mut [Self]) -> &mut [$real] {
+                bytemuck::cast_slice_mut(vectors)
             }
         }
     };

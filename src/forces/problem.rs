@@ -2,9 +2,7 @@
 
 use super::gravity;
 use super::pull::{self, Pull};
-use super::sliced::{
-    Ahead, Before, Leap, Linear, Means, Outside, Slices, Step, Stretched, Surroundings, Update, Window,
-};
+use super::sliced::{Ahead, Linear, Loads, Means, Slices, Step, Stretched, Update, Window};
 use super::springs::SpringParams;
 use super::wind::Wind;
 use crate::math::lanes::LANES;
@@ -186,8 +184,12 @@ impl<T: Real> Problem<T> {
 
     /// Whether a hand pulls, or moves a particle that it holds: what it does next is not known before the step after.
     pub fn is_handled(&self, state: &Particles<T>) -> bool {
-        let mut held = state.velocities.iter().zip(&self.inverse_mass);
-        !self.pulls.is_empty() || held.any(|(v, &w)| w <= T::ZERO && *v != T::Vec3::ZERO)
+        // In each step, so first where no velocities need be read.
+        const BLOCK: usize = 64;
+        let blocks = self.inverse_mass.chunks(BLOCK).zip(state.velocities.chunks(BLOCK));
+        let mut fixed = blocks.filter(|(weights, _)| weights.iter().filter(|w| **w <= T::ZERO).count() > 0);
+        let moves = |(v, w): (&T::Vec3, &T)| *w <= T::ZERO && *v != T::Vec3::ZERO;
+        !self.pulls.is_empty() || fixed.any(|(weights, velocities)| velocities.iter().zip(weights).any(moves))
     }
 
     /// Number of particles.
@@ -202,7 +204,7 @@ impl<T: Real> Problem<T> {
 
     /// The forces from outside the cloth in the state given, at its time: gravity, wind, hands. Overwrites `force` (N).
     pub fn external_forces(&self, state: &Particles<T>, force: &mut [T::Vec3]) {
-        let Surroundings { mass, gravity, wind, .. } = self.surroundings(state);
+        let Loads { mass, gravity, wind, .. } = self.loads(state);
         let particles = (&mut *force, mass);
         each_particle(particles, self.useful_threads(), |(force, mass): (&mut [T::Vec3], &[T])| {
             for (f, &m) in force.iter_mut().zip(mass) {
@@ -212,49 +214,39 @@ impl<T: Real> Problem<T> {
         pull::add(&self.pulls, &state.positions, &state.velocities, force);
     }
 
-    /// All forces on all particles in the state given, at its time. Overwrites `force` (N); counts one evaluation.
-    pub fn forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
-        self.spring_forces(state, force, cost, self.surroundings(state));
-        pull::add(&self.pulls, &state.positions, &state.velocities, force);
+    /// The accelerations of all particles by all forces in the state given, at its time; 0 where one is pinned or held.
+    /// Overwrites `to` (m/s²); counts one evaluation.
+    pub fn accelerations(&self, state: &Particles<T>, to: &mut Vec<T::Vec3>, cost: &mut Cost) {
+        self.count_pass(cost);
+        to.resize(state.len(), T::Vec3::ZERO);
+        let (springs, means) = (self.stretched(), &mut self.windows());
+        self.slices().accelerations(springs, state, self.loads(state), to, self.means(means));
     }
 
     /// Takes a step of `dt` (s) by the forces in the state given, at its time: a method that asks for no others moves each
     /// particle in the pass that sums up what acts on it. Counts one evaluation; `ahead` is scratch.
     pub fn advance<U: Update>(&self, state: &mut Particles<T>, dt: T, ahead: &mut Ahead<T>, cost: &mut Cost) {
         self.count_pass(cost);
-        let leap = Leap {
-            surroundings: self.surroundings(state),
-            pulls: &self.pulls,
-            inverse_mass: &self.inverse_mass,
-            dt,
-        };
         let springs = Stretched { limit: self.tearing, ..self.stretched() };
-        self.slices().advance::<U>(springs, state, leap, ahead, self.means(&mut self.windows()));
+        let (loads, means) = (self.loads(state), &mut self.windows());
+        self.slices().advance::<U>(springs, state, loads, dt, ahead, self.means(means));
     }
 
     /// Adds the forces of the springs to `force` (N); counts one evaluation.
     pub fn add_spring_forces(&self, state: &Particles<T>, force: &mut [T::Vec3], cost: &mut Cost) {
-        self.spring_forces(state, force, cost, Before);
+        self.count_pass(cost);
+        self.slices().add_forces(self.stretched(), state, force, self.means(&mut self.windows()));
     }
 
-    fn surroundings(&self, state: &Particles<T>) -> Surroundings<'_, T> {
-        Surroundings {
+    fn loads(&self, state: &Particles<T>) -> Loads<'_, T> {
+        Loads {
             mass: &self.mass,
+            inverse_mass: &self.inverse_mass,
             gravity: T::Vec3::from_f64(self.gravity.unwrap_or_default()),
             wind: T::Vec3::from_f64(self.wind.as_ref().map_or(DVec3::ZERO, |wind| wind.force(state.time))),
             air_damping: self.air_damping,
+            pulls: &self.pulls,
         }
-    }
-
-    fn spring_forces(
-        &self,
-        state: &Particles<T>,
-        force: &mut [T::Vec3],
-        cost: &mut Cost,
-        outside: impl Outside<T>,
-    ) {
-        self.count_pass(cost);
-        self.slices().forces(self.stretched(), state, outside, force, self.means(&mut self.windows()));
     }
 
     fn count_pass(&self, cost: &mut Cost) {

@@ -16,13 +16,15 @@
 
 mod advance;
 mod linear;
+mod loads;
 mod pass;
 mod pulls;
 
-pub use advance::{Ahead, Leap, Update};
+pub use advance::{Ahead, Update};
 pub use linear::{Linear, Step};
+pub use loads::Loads;
 pub use pass::Window;
-pub use pulls::{Before, Outside, Stretched, Surroundings};
+pub use pulls::Stretched;
 
 use crate::math::Real;
 use crate::math::lanes::LANES;

@@ -19,8 +19,8 @@ crate::params! {
 impl Update for ExplicitEuler {
     #[expect(clippy::inline_always, reason = "a kernel's")]
     #[inline(always)]
-    fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2] {
-        [x + v * dt, v + kick]
+    fn advance<L: Lanes>(x: L, v: L, a: L, dt: L) -> [L; 2] {
+        [x + v * dt, v + a * dt]
     }
 }
 

@@ -9,8 +9,7 @@
 
 use super::{Model, Simulator, region};
 use crate::forces::{Cost, Mode, Problem, Spectrum};
-use crate::math::Real;
-use crate::math::parts::each_particle;
+use crate::math::{Real, Vector, rows};
 use crate::model::Particles;
 
 crate::params! {
@@ -23,15 +22,19 @@ crate::params! {
 pub struct Buffers<T: Real> {
     /// The state in which the next slope is taken.
     stage: Particles<T>,
-    /// Forces, N.
-    force: Vec<T::Vec3>,
-    /// Weighted sums of the slopes so far: of positions, m/s, and of velocities, m/s².
-    sums: Vec<[T::Vec3; 2]>,
+    /// Velocities of the stages after the first, m/s.
+    velocities: [Vec<T::Vec3>; 3],
+    /// Accelerations in all stages, m/s².
+    accelerations: [Vec<T::Vec3>; 4],
 }
 
 impl<T: Real> Default for Buffers<T> {
     fn default() -> Self {
-        Self { stage: Particles::at_rest(Vec::new()), force: Vec::new(), sums: Vec::new() }
+        Self {
+            stage: Particles::at_rest(Vec::new()),
+            velocities: Default::default(),
+            accelerations: Default::default(),
+        }
     }
 }
 
@@ -51,48 +54,29 @@ impl Simulator for Rk4 {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { stage, force, sums } = scratch;
-        let (two, half, sixth) = (T::from_f64(2.0), T::from_f64(0.5) * dt, dt / T::from_f64(6.0));
+        let Buffers { stage, velocities, accelerations } = scratch;
+        let [half, third, sixth] = [2.0, 3.0, 6.0].map(|part| dt / T::from_f64(part));
         let threads = problem.useful_threads();
-        force.resize(state.len(), T::Vec3::default());
-        stage.positions.clone_from(&state.positions);
-        stage.velocities.clone_from(&state.velocities);
-        stage.time = state.time;
-        sums.clear();
-        sums.resize(state.len(), [T::Vec3::default(); 2]);
-
-        // Of each slope: its weight, and how far along it the next one is taken.
-        for (weight, ahead) in [(T::ONE, half), (two, half), (two, dt)] {
-            problem.forces(stage, force, cost);
-            let starts = (&state.positions[..], &state.velocities[..]);
-            let stages = (&mut stage.positions[..], &mut stage.velocities[..]);
-            let slopes = (&force[..], &problem.inverse_mass[..], &mut sums[..]);
-            each_particle((starts, stages, slopes), threads, |(starts, stages, (force, inverse_mass, sums))| {
-                let starts = starts.0.iter().zip(starts.1);
-                let stages = stages.0.iter_mut().zip(stages.1);
-                let slopes = force.iter().zip(inverse_mass).zip(sums);
-                for (((x0, v0), (x, v)), ((&f, &w), sum)) in starts.zip(stages).zip(slopes) {
-                    let (velocity, acceleration) = (*v, f * w);
-                    sum[0] += velocity * weight;
-                    sum[1] += acceleration * weight;
-                    *x = *x0 + velocity * ahead;
-                    *v = *v0 + acceleration * ahead;
-                }
-            });
-            stage.time = state.time + ahead.to_f64();
+        problem.accelerations(state, &mut accelerations[0], cost);
+        for row in [&mut stage.positions, &mut stage.velocities].into_iter().chain(&mut *velocities) {
+            row.resize(state.len(), T::Vec3::ZERO);
         }
-        problem.forces(stage, force, cost);
-        let particles = (&mut state.positions[..], &mut state.velocities[..]);
-        let slopes = (&stage.velocities[..], &force[..], &problem.inverse_mass[..], &sums[..]);
-        each_particle((particles, slopes), threads, |(particles, (stage, force, inverse_mass, sums))| {
-            let particles = particles.0.iter_mut().zip(particles.1);
-            let slopes = stage.iter().zip(force).zip(inverse_mass).zip(sums);
-            for ((x, v), (((&velocity, &f), &w), sum)) in particles.zip(slopes) {
-                // One that no force moves goes by dt v exactly, not by a sum of sixths.
-                *x += if w > T::ZERO { (sum[0] + velocity) * sixth } else { *v * dt };
-                *v += (sum[1] + f * w) * sixth;
-            }
-        });
+        // The others, and how far along the slope of the one before each is taken.
+        for (number, ahead) in [(1, half), (2, half), (3, dt)] {
+            let velocity = if number == 1 { &state.velocities } else { &velocities[number - 2] };
+            rows::combine(&mut stage.positions, &state.positions, &[(ahead, velocity)], threads);
+            let slope = &accelerations[number - 1];
+            rows::combine(&mut stage.velocities, &state.velocities, &[(ahead, slope)], threads);
+            stage.time = state.time + ahead.to_f64();
+            problem.accelerations(stage, &mut accelerations[number], cost);
+            std::mem::swap(&mut stage.velocities, &mut velocities[number - 1]);
+        }
+        let [v2, v3, v4] = &*velocities;
+        let [a1, a2, a3, a4] = &*accelerations;
+        let v1 = &state.velocities;
+        let slopes = [(sixth, &v1[..]), (third, v2), (third, v3), (sixth, v4)];
+        rows::add(&mut state.positions, &slopes, threads);
+        rows::add(&mut state.velocities, &[(sixth, a1), (third, a2), (third, a3), (sixth, a4)], threads);
     }
 
     /// A motion with the roots z/dt of z² + dt g z + dt² ω² = 0 stays bounded while |1 + z + z²/2 + z³/6 + z⁴/24| ≤ 1:

@@ -14,8 +14,12 @@
 
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
+use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::parts::Parts;
+use crate::math::rows::{self, Term};
 use crate::math::{Real, Vector};
 use crate::model::Particles;
+use std::ops::{Add, Mul, Sub};
 
 crate::params! {
     /// Adaptive Dormand-Prince.
@@ -36,14 +40,14 @@ const STAGES: usize = 7;
 /// Coefficients: at which part of the step each stage stands, and how it is made of those before it. The last row is the
 /// solution of order 5.
 const NODES: [f64; STAGES] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
-const WEIGHTS: [[f64; 6]; STAGES] = [
-    [0.0; 6],
-    [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
-    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
-    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
-    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
-    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
+const WEIGHTS: [[f64; STAGES]; STAGES] = [
+    [0.0; STAGES],
+    [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0, 0.0],
+    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0, 0.0],
+    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0, 0.0],
+    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0, 0.0],
 ];
 /// Order 5 minus order 4.
 const ERROR: [f64; STAGES] = [
@@ -72,13 +76,17 @@ const DENSE: [f64; STAGES] = [
 pub struct Buffers<T: Real> {
     start: Vec<T::Vec3>,
     start_velocities: Vec<T::Vec3>,
+    /// How fast the state of each stage changes.
     rates: [Rates<T>; STAGES],
+    /// Errors of positions (m) and of velocities (m/s) in the last inner step that was tried.
+    errors: [Vec<T::Vec3>; 2],
 }
 
-/// How fast the state of a stage changes.
 #[derive(Debug, Default)]
 struct Rates<T: Real> {
+    /// m/s.
     velocities: Vec<T::Vec3>,
+    /// m/s².
     accelerations: Vec<T::Vec3>,
 }
 
@@ -119,17 +127,20 @@ impl Simulator for Rk45 {
             state.memory.vectors.clear();
         }
         let dense = !state.memory.vectors.is_empty();
-        if dense {
-            // Goes on from the end of the last inner step.
-            scratch.recall(state);
-        } else {
+        if !dense {
             (controller.begin, controller.length) = (beginning, 0.0);
         }
         let mut now = controller.begin + controller.length;
-        if now < end && !dense {
-            scratch.rates_of(problem, state, 0, cost);
+        if now < end {
+            // Goes on from the end of the last inner step.
+            if dense {
+                scratch.recall(state);
+            } else {
+                scratch.rates[0].velocities.clone_from(&state.velocities);
+                problem.accelerations(state, &mut scratch.rates[0].accelerations, cost);
+            }
         }
-        let (mut steps, mut forced, mut worst) = (0, false, 0);
+        let (mut steps, mut forced) = (0, false);
         while now < end {
             if problem.is_stopped() {
                 return;
@@ -145,18 +156,17 @@ impl Simulator for Rk45 {
                 wanted => wanted.min(0.5 * left),
             };
             let cut = h < controller.wanted;
-            scratch.begin(state);
-            let (error, particle) = scratch.attempt(problem, state, h, now, self.tolerance, cost);
-            worst = particle;
+            scratch.swap(state);
+            let error = scratch.attempt(problem, state, h, now, self.tolerance, cost);
             let sound = error <= 1.0;
             if sound || forced {
-                scratch.remember(state, h);
+                scratch.remember(state, h, problem.useful_threads());
                 (controller.begin, controller.length) = (now, h);
                 now = if forced || (cut && h >= left) { end } else { now + h };
                 // The last stage is the first of the next step.
                 scratch.rates.swap(0, STAGES - 1);
             } else {
-                scratch.take_back(state);
+                scratch.swap(state);
             }
             let factor = if sound {
                 // Hairer's β = 0.04: exponents 0.2 - 0.75 β and β.
@@ -177,6 +187,7 @@ impl Simulator for Rk45 {
                 controller.length,
                 &mut state.positions,
                 &mut state.velocities,
+                problem.useful_threads(),
             );
         } else {
             state.memory.vectors.clear();
@@ -186,7 +197,7 @@ impl Simulator for Rk45 {
         let Controller { wanted, last_error, begin, length } = controller;
         state.memory.numbers.extend([wanted, last_error, begin, length]);
         if forced {
-            cost.solved(f64::INFINITY, worst);
+            cost.solved(f64::INFINITY, scratch.worst(controller.length));
         }
     }
 
@@ -205,21 +216,70 @@ struct Dense<'a, V>(&'a [V]);
 
 impl<V: Vector> Dense<'_, V> {
     /// The state at a part `theta` of a step of `h` (s).
-    fn at(&self, theta: f64, h: f64, positions: &mut [V], velocities: &mut [V]) {
+    fn at(&self, theta: f64, h: f64, positions: &mut [V], velocities: &mut [V], threads: usize) {
         let n = self.0.len() / PARTS;
-        let part = |p: usize, i: usize| self.0[p * n + i];
-        let [theta, rest, h] = [theta, 1.0 - theta, h].map(V::Scalar::from_f64);
-        let value = |[y0, y1, f0, f1, highest]: [V; 5]| {
-            let way = y1 - y0;
-            let first = f0 * h - way;
-            let second = way - f1 * h - first;
-            y0 + (way + (first + (second + highest * rest) * theta) * rest) * theta
-        };
-        for (i, (x, v)) in positions.iter_mut().zip(velocities).enumerate() {
-            *x = value([part(0, i), part(3, i), part(1, i), part(4, i), part(6, i)]);
-            *v = value([part(1, i), part(4, i), part(2, i), part(5, i), part(7, i)]);
+        let [theta, h] = [theta, h].map(V::Scalar::from_f64);
+        for (to, parts) in [(positions, [0, 3, 1, 4, 6]), (velocities, [1, 4, 2, 5, 7])] {
+            let from = parts.map(|p| V::flat(&self.0[p * n..(p + 1) * n]));
+            let between = Between { to: V::flat_mut(to), from, first: 0, theta, h };
+            lanes::share(between, rows::UNIT, threads);
         }
     }
+}
+
+/// The numbers from `first` on between the ends of a step: of these the values, their rates, and the highest terms.
+struct Between<'a, T> {
+    to: &'a mut [T],
+    from: [&'a [T]; 5],
+    first: usize,
+    theta: T,
+    h: T,
+}
+
+impl<T: Real> Parts for Between<'_, T> {
+    fn count(&self) -> usize {
+        self.to.len()
+    }
+
+    fn split_at(self, at: usize) -> (Self, Self) {
+        let (first, (to, rest)) = (self.first + at, self.to.split_at_mut(at));
+        (Self { to, ..self }, Self { to: rest, first, ..self })
+    }
+}
+
+#[expect(clippy::inline_always, reason = "a kernel")]
+impl<T: Real> Kernel<T> for Between<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) {
+        let Self { to, from: [y0, y1, f0, f1, highest], first, theta, h } = self;
+        let rest = T::ONE - theta;
+        let lanes = [L::splat(with, theta), L::splat(with, rest), L::splat(with, h)];
+        let (eights, last) = to.as_chunks_mut::<LANES>();
+        let mut at = first;
+        for eight in eights {
+            let [y0, y1] = [L::load(with, &y0[at..]), L::load(with, &y1[at..])];
+            let [f0, f1] = [L::load(with, &f0[at..]), L::load(with, &f1[at..])];
+            *eight = between([y0, y1, f0, f1, L::load(with, &highest[at..])], lanes).to_array();
+            at += LANES;
+        }
+        for (i, to) in (at..).zip(last) {
+            *to = between([y0[i], y1[i], f0[i], f1[i], highest[i]], [theta, rest, h]);
+        }
+    }
+}
+
+#[expect(clippy::inline_always, reason = "a kernel's")]
+#[inline(always)]
+fn between<N>([y0, y1, f0, f1, highest]: [N; 5], [theta, rest, h]: [N; 3]) -> N
+where
+    N: Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N>,
+{
+    let way = y1 - y0;
+    let first = f0 * h - way;
+    let second = way - f1 * h - first;
+    y0 + (way + (first + (second + highest * rest) * theta) * rest) * theta
 }
 
 impl<T: Real> Buffers<T> {
@@ -238,47 +298,43 @@ impl<T: Real> Buffers<T> {
     }
 
     /// Remembers the inner step of `h` (s) that was just taken.
-    fn remember(&self, state: &mut Particles<T>, h: f64) {
+    fn remember(&self, state: &mut Particles<T>, h: f64, threads: usize) {
         let Particles { positions, velocities, memory, .. } = state;
         let ends = [&self.rates[0], &self.rates[STAGES - 1]].map(|rates| &rates.accelerations);
         memory.vectors.clear();
         for part in [&self.start, &self.start_velocities, ends[0], positions, velocities, ends[1]] {
             memory.vectors.extend_from_slice(part);
         }
-        let weights = DENSE.map(|weight| T::from_f64(h * weight));
-        let sum = |rate: &dyn Fn(&Rates<T>) -> T::Vec3| {
-            let mut sum = T::Vec3::ZERO;
-            self.rates.iter().zip(weights).for_each(|(rates, weight)| sum += rate(rates) * weight);
-            sum
-        };
         let n = positions.len();
-        memory.vectors.extend((0..n).map(|i| sum(&|rates| rates.velocities[i])));
-        memory.vectors.extend((0..n).map(|i| sum(&|rates| rates.accelerations[i])));
+        memory.vectors.resize(PARTS * n, T::Vec3::ZERO);
+        let (of_positions, of_velocities) = memory.vectors[(PARTS - 2) * n..].split_at_mut(n);
+        let [way, gain] = self.slopes(h, &DENSE);
+        rows::add(of_positions, &way, threads);
+        rows::add(of_velocities, &gain, threads);
     }
 
-    /// Takes the state as the start of an inner step.
-    fn begin(&mut self, state: &Particles<T>) {
-        self.start.clone_from(&state.positions);
-        self.start_velocities.clone_from(&state.velocities);
+    /// Takes the state as the start of an inner step, or puts it back to there.
+    fn swap(&mut self, state: &mut Particles<T>) {
+        let n = state.len();
+        for (start, now) in
+            [(&mut self.start, &mut state.positions), (&mut self.start_velocities, &mut state.velocities)]
+        {
+            start.resize(n, T::Vec3::ZERO);
+            std::mem::swap(start, now);
+        }
     }
 
-    /// Puts the state back to the start of the inner step.
-    fn take_back(&self, state: &mut Particles<T>) {
-        state.positions.clone_from(&self.start);
-        state.velocities.clone_from(&self.start_velocities);
-    }
-
-    /// Velocities and accelerations in the state, as those of a stage.
-    fn rates_of(&mut self, problem: &Problem<T>, state: &Particles<T>, stage: usize, cost: &mut Cost) {
-        let Rates { velocities, accelerations } = &mut self.rates[stage];
-        velocities.clone_from(&state.velocities);
-        accelerations.resize(state.len(), T::Vec3::ZERO);
-        problem.forces(state, accelerations, cost);
-        accelerations.iter_mut().zip(&problem.inverse_mass).for_each(|(a, &w)| *a = *a * w);
+    /// The rates of the stages, each with its weight times `h` (s): velocities, and accelerations.
+    fn slopes(&self, h: f64, weights: &[f64; STAGES]) -> [[Term<'_, T>; STAGES]; 2] {
+        let weights = weights.map(|weight| T::from_f64(h * weight));
+        let of = |row: fn(&Rates<T>) -> &[T::Vec3]| {
+            std::array::from_fn(|stage| (weights[stage], row(&self.rates[stage])))
+        };
+        [of(|rates| &rates.velocities), of(|rates| &rates.accelerations)]
     }
 
     /// Takes an inner step of `h` (s) that starts at `time` (s), the rates of its first stage known; answers with its error in
-    /// units of the tolerance, and where it is largest.
+    /// units of the tolerance.
     fn attempt(
         &mut self,
         problem: &Problem<T>,
@@ -287,42 +343,39 @@ impl<T: Real> Buffers<T> {
         time: f64,
         tolerance: f64,
         cost: &mut Cost,
-    ) -> (f64, usize) {
+    ) -> f64 {
+        let threads = problem.useful_threads();
         for stage in 1..STAGES {
-            self.take_back(state);
-            for (before, weight) in WEIGHTS[stage][..stage].iter().enumerate() {
-                if *weight != 0.0 {
-                    let part = T::from_f64(h * weight);
-                    let Rates { velocities, accelerations } = &self.rates[before];
-                    add(&mut state.positions, velocities, part);
-                    add(&mut state.velocities, accelerations, part);
-                }
-            }
+            let [way, gain] = self.slopes(h, &WEIGHTS[stage]);
+            rows::combine(&mut state.positions, &self.start, &way, threads);
+            rows::combine(&mut state.velocities, &self.start_velocities, &gain, threads);
             state.time = time + NODES[stage] * h;
-            self.rates_of(problem, state, stage, cost);
+            let Rates { velocities, accelerations } = &mut self.rates[stage];
+            problem.accelerations(state, accelerations, cost);
+            velocities.clone_from(&state.velocities);
         }
+        let mut errors = std::mem::take(&mut self.errors);
+        for (errors, slopes) in errors.iter_mut().zip(self.slopes(h, &ERROR)) {
+            errors.clear();
+            errors.resize(state.len(), T::Vec3::ZERO);
+            rows::add(errors, &slopes, threads);
+        }
+        self.errors = errors;
         // An error of velocity moves a particle as far within this step.
-        let (mut worst, mut particle) = (0.0, 0);
-        for i in 0..state.len() {
-            let (mut x, mut v) = (T::Vec3::ZERO, T::Vec3::ZERO);
-            for (Rates { velocities, accelerations }, weight) in self.rates.iter().zip(ERROR) {
-                let part = T::from_f64(h * weight);
-                x += velocities[i] * part;
-                v += accelerations[i] * part;
-            }
-            let error = x.length().to_f64().max(v.length().to_f64() * h);
-            let error = if error.is_nan() { f64::INFINITY } else { error };
-            if error > worst {
-                (worst, particle) = (error, i);
-            }
-        }
+        let [of_positions, of_velocities] = self.errors.each_ref().map(|errors| rows::longest::<T>(errors));
         // No tolerance is finer than rounding.
-        let far = state.positions.iter().map(|x| x.dot(*x).to_f64()).fold(0.0, f64::max).sqrt();
-        (worst / tolerance.max(4.0 * T::EPSILON.to_f64() * far), particle)
+        let far = rows::longest::<T>(&state.positions);
+        of_positions.max(of_velocities * h) / tolerance.max(4.0 * T::EPSILON.to_f64() * far)
     }
-}
 
-/// a += b s.
-fn add<T: Real>(a: &mut [T::Vec3], b: &[T::Vec3], s: T) {
-    a.iter_mut().zip(b).for_each(|(a, &b)| *a += b * s);
+    /// The particle whose error was largest in the last inner step, of `h` (s).
+    fn worst(&self, h: f64) -> usize {
+        let [of_positions, of_velocities] = &self.errors;
+        let error = |(x, v): (&T::Vec3, &T::Vec3)| {
+            let error = x.length().to_f64().max(v.length().to_f64() * h);
+            if error.is_nan() { f64::INFINITY } else { error }
+        };
+        let errors = of_positions.iter().zip(of_velocities).map(error).enumerate();
+        errors.fold((0, 0.0), |worst, one| if one.1 > worst.1 { one } else { worst }).0
+    }
 }

@@ -20,8 +20,8 @@ crate::params! {
 impl Update for SymplecticEuler {
     #[expect(clippy::inline_always, reason = "a kernel's")]
     #[inline(always)]
-    fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2] {
-        let v = v + kick;
+    fn advance<L: Lanes>(x: L, v: L, a: L, dt: L) -> [L; 2] {
+        let v = v + a * dt;
         [x + v * dt, v]
     }
 }

@@ -5,19 +5,18 @@
 //! Order 2 at one force evaluation a step.
 //!
 //! The velocity is predicted for the force: damping with the velocity of half the step, as leapfrog does, would lower the
-//! order to 1. The prediction is off by dt²/2 of the jerk, so that the force may be kept for the next step, at whose start
-//! time and positions are the same. It is the method's memory: where there is none (at the start, and after any change of
-//! method, dt, springs, pins, hands or surroundings) the first force is computed, two in that step. So it is in every step in which
+//! order to 1. The prediction is off by dt²/2 of the jerk, so that the acceleration may be kept for the next step, at whose
+//! start time and positions are the same. It is the method's memory: where there is none (at the start, and after any change of
+//! method, dt, springs, pins, hands or surroundings) the first one is computed, two in that step. So it is in every step in which
 //! a hand moves or pulls: the velocity of a particle that is held and the point that a hand pulls towards jump from one step
-//! to the next, and a kept force would know those of the step before, half a step late on average.
+//! to the next, and a kept acceleration would know those of the step before, half a step late on average.
 //!
 //! Undamped it is symplectic and keeps energy for ever. Choose it for accuracy at steps just below the stability limit: undamped that is
 //! the limit of symplectic Euler, at whose cost it errs a hundred times less. Strong damping halves its limit beside that.
 
 use super::{Model, Simulator};
 use crate::forces::{Cost, Mode, Problem, Spectrum};
-use crate::math::Real;
-use crate::math::parts::each_particle;
+use crate::math::{Real, Vector, rows};
 use crate::model::Particles;
 
 crate::params! {
@@ -28,8 +27,8 @@ crate::params! {
 /// Scratch of [`VelocityVerlet`].
 #[derive(Debug, Default)]
 pub struct Buffers<T: Real> {
-    /// Forces, N.
-    force: Vec<T::Vec3>,
+    /// m/s².
+    accelerations: Vec<T::Vec3>,
     /// Velocities advanced by half the step, m/s.
     halfway: Vec<T::Vec3>,
 }
@@ -50,41 +49,26 @@ impl Simulator for VelocityVerlet {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { force, halfway } = scratch;
+        let Buffers { accelerations, halfway } = scratch;
         let (half, start) = (T::from_f64(0.5) * dt, state.time);
-        force.resize(state.len(), T::Vec3::default());
-        halfway.resize(state.len(), T::Vec3::default());
         let handled = problem.is_handled(state);
         if !handled && state.memory.vectors.len() == state.len() {
-            std::mem::swap(force, &mut state.memory.vectors);
+            std::mem::swap(accelerations, &mut state.memory.vectors);
         } else {
-            problem.forces(state, force, cost);
+            problem.accelerations(state, accelerations, cost);
         }
         let threads = problem.useful_threads();
-        let particles = (&mut state.positions[..], &mut state.velocities[..], &mut halfway[..]);
-        let slopes = (&force[..], &problem.inverse_mass[..]);
-        each_particle((particles, slopes), threads, |((positions, velocities, halfway), (force, inverse_mass))| {
-            let particles = positions.iter_mut().zip(velocities).zip(halfway);
-            for (((x, v), h), (&f, &w)) in particles.zip(force.iter().zip(inverse_mass)) {
-                let acceleration = f * w;
-                *h = *v + acceleration * half;
-                *x += *h * dt;
-                *v += acceleration * dt;
-            }
-        });
+        halfway.resize(state.len(), T::Vec3::ZERO);
+        rows::combine(halfway, &state.velocities, &[(half, accelerations)], threads);
+        rows::add(&mut state.positions, &[(dt, halfway)], threads);
+        rows::add(&mut state.velocities, &[(dt, accelerations)], threads);
         state.time = start + dt.to_f64();
-        problem.forces(state, force, cost);
+        problem.accelerations(state, accelerations, cost);
         state.time = start;
-        let particles = (&mut state.velocities[..], &halfway[..], &force[..], &problem.inverse_mass[..]);
-        each_particle(particles, threads, |(velocities, halfway, force, inverse_mass)| {
-            let slopes = force.iter().zip(inverse_mass);
-            for ((v, h), (&f, &w)) in velocities.iter_mut().zip(halfway).zip(slopes) {
-                *v = *h + f * (w * half);
-            }
-        });
+        rows::combine(&mut state.velocities, halfway, &[(half, accelerations)], threads);
         state.memory.vectors.clear();
         if !handled {
-            std::mem::swap(force, &mut state.memory.vectors);
+            std::mem::swap(accelerations, &mut state.memory.vectors);
         }
     }
 

@@ -174,9 +174,9 @@ pub fn advance<T: Build>(
     cost
 }
 
-/// The classical Runge-Kutta method of order 4 on [`Problem::forces`]: the reference solution.
+/// The classical Runge-Kutta method of order 4 on [`Problem::accelerations`]: the reference solution.
 pub fn rk4(problem: &Problem<f64>, state: &mut Particles<f64>, dt: f64, steps: u64) {
-    let mut force = vec![DVec3::ZERO; state.len()];
+    let mut accelerations = Vec::new();
     let start = state.time;
     for n in 0..steps {
         let t = start + n as f64 * dt;
@@ -185,9 +185,9 @@ pub fn rk4(problem: &Problem<f64>, state: &mut Particles<f64>, dt: f64, steps: u
         // Each stage: its weight in the sum, and how far its derivatives carry to where the next one looks.
         for (weight, ahead) in [(1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)] {
             let (weight, next) = (weight * dt / 6.0, ahead * dt);
-            problem.forces(&at, &mut force, &mut Cost::default());
-            for (i, (f, w)) in force.iter().zip(&problem.inverse_mass).enumerate() {
-                let (v, a) = (at.velocities[i], *f * *w);
+            problem.accelerations(&at, &mut accelerations, &mut Cost::default());
+            for (i, &a) in accelerations.iter().enumerate() {
+                let v = at.velocities[i];
                 state.positions[i] += v * weight;
                 state.velocities[i] += a * weight;
                 at.positions[i] = base.positions[i] + v * next;

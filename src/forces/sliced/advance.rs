@@ -8,10 +8,10 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::pass::{Fields, Sums};
-use super::pulls::{Outside, PLACES, SPEEDS, Surroundings, eight_of};
+use super::loads::Loads;
+use super::pass::{Fields, Sums, put_eight};
+use super::pulls::{PLACES, SPEEDS};
 use super::{BLOCK, Means, Slices, Stretched};
-use crate::forces::pull::Pull;
 use crate::math::lanes::{LANES, Lanes};
 use crate::math::parts::Parts;
 use crate::math::{Real, Vector};
@@ -20,21 +20,9 @@ use std::marker::PhantomData;
 
 /// The update of a method that asks for the forces at the start of a step and for nothing else.
 pub trait Update: Send + Sync {
-    /// A component of position (m) and velocity (m/s) after a step of `dt` (s), from those before it; `kick` is dt f / m. For
-    /// eight particles at once: it must be marked `#[inline(always)]`.
-    fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2];
-}
-
-/// A step, and what acts in it besides the springs.
-#[derive(Clone, Copy, Debug)]
-pub struct Leap<'a, T: Real> {
-    pub surroundings: Surroundings<'a, T>,
-    /// By particle.
-    pub pulls: &'a [Pull<T>],
-    /// 1/kg.
-    pub inverse_mass: &'a [T],
-    /// s.
-    pub dt: T,
+    /// A component of position (m) and velocity (m/s) after a step of `dt` (s), from those before it and the acceleration `a`
+    /// (m/s²). For eight particles at once: it must be marked `#[inline(always)]`.
+    fn advance<L: Lanes>(x: L, v: L, a: L, dt: L) -> [L; 2];
 }
 
 /// The state that a step leads to: scratch.
@@ -82,7 +70,8 @@ impl<T: Real> Ahead<T> {
 
 /// The particles from `first` on.
 struct Advance<'a, T: Real, U> {
-    leap: Leap<'a, T>,
+    loads: Loads<'a, T>,
+    dt: T,
     first: usize,
     positions: &'a mut [T::Vec3],
     velocities: &'a mut [T::Vec3],
@@ -96,17 +85,17 @@ impl<T: Real, U: Update> Parts for Advance<'_, T, U> {
     }
 
     fn split_at(self, particle: usize) -> (Self, Self) {
-        let Self { leap, first, positions, velocities, motion, update } = self;
+        let Self { loads, dt, first, positions, velocities, motion, update } = self;
         let middle = first + particle;
-        let (pulls, more_pulls) =
-            leap.pulls.split_at(leap.pulls.partition_point(|p| (p.particle as usize) < middle));
+        let (loads, other_loads) = loads.split_at(middle);
         let (positions, more_positions) = positions.split_at_mut(particle);
         let (velocities, more_velocities) = velocities.split_at_mut(particle);
         let (motion, more_motion) = motion.split_at_mut(particle / BLOCK);
         (
-            Self { leap: Leap { pulls, ..leap }, first, positions, velocities, motion, update },
+            Self { loads, dt, first, positions, velocities, motion, update },
             Self {
-                leap: Leap { pulls: more_pulls, ..leap },
+                loads: other_loads,
+                dt,
                 first: middle,
                 positions: more_positions,
                 velocities: more_velocities,
@@ -120,24 +109,20 @@ impl<T: Real, U: Update> Parts for Advance<'_, T, U> {
 impl<T: Real, U: Update> Sums<T> for Advance<'_, T, U> {
     #[inline(always)]
     fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3] {
-        self.leap.surroundings.of::<L>(with, self.first + at, here.field(with, SPEEDS), &[])
+        self.loads.begin(with, self.first + at, here)
     }
 
     #[inline(always)]
     fn end<L: Lanes<Scalar = T>>(&mut self, with: L::Proof, at: usize, here: impl Fields<T>, sum: [L; 3]) {
         let (x, v): ([L; 3], [L; 3]) = (here.field(with, PLACES), here.field(with, SPEEDS));
-        let force = if self.leap.pulls.is_empty() { sum } else { self.pulled(with, at, [x, v], sum) };
-        let dt = L::splat(with, self.leap.dt);
-        let w = eight_of::<T, L>(with, &self.leap.inverse_mass[self.first + at..]);
-        let kick = w * dt;
-        // Where no particle is, any force may have come out.
+        let (a, dt) = (self.loads.accelerations(with, self.first + at, here, sum), L::splat(with, self.dt));
         let [[x0, v0], [x1, v1], [x2, v2]] = [
-            U::advance(x[0], v[0], (force[0] * kick).where_positive(w), dt),
-            U::advance(x[1], v[1], (force[1] * kick).where_positive(w), dt),
-            U::advance(x[2], v[2], (force[2] * kick).where_positive(w), dt),
+            U::advance(x[0], v[0], a[0], dt),
+            U::advance(x[1], v[1], a[1], dt),
+            U::advance(x[2], v[2], a[2], dt),
         ];
-        put::<T, L>([x0, x1, x2], &mut self.positions[at..]);
-        put::<T, L>([v0, v1, v2], &mut self.velocities[at..]);
+        put_eight::<T, L>([x0, x1, x2], &mut self.positions[at..]);
+        put_eight::<T, L>([v0, v1, v2], &mut self.velocities[at..]);
         let motion = &mut self.motion[at / BLOCK];
         let [mut squares, mut way] = [L::splat(with, T::ZERO); 2];
         if !at.is_multiple_of(BLOCK) {
@@ -153,56 +138,20 @@ impl<T: Real, U: Update> Sums<T> for Advance<'_, T, U> {
     }
 }
 
-impl<T: Real, U: Update> Advance<'_, T, U> {
-    /// The forces on eight particles with those of the hands that pull at them.
-    #[inline(always)]
-    fn pulled<L: Lanes<Scalar = T>>(
-        &mut self,
-        with: L::Proof,
-        at: usize,
-        [x, v]: [[L; 3]; 2],
-        force: [L; 3],
-    ) -> [L; 3] {
-        let arrays = |lanes: [L; 3]| [lanes[0].to_array(), lanes[1].to_array(), lanes[2].to_array()];
-        let (x, v, mut sum) = (arrays(x), arrays(v), arrays(force));
-        while let [pull, left @ ..] = self.leap.pulls
-            && let lane = pull.particle as usize - self.first - at
-            && lane < LANES
-        {
-            let of = |arrays: &[[T; LANES]; 3]| T::Vec3::from_array(arrays.map(|component| component[lane]));
-            let pulled = of(&sum) + pull.force(of(&x), of(&v));
-            sum.iter_mut().zip(pulled.to_array()).for_each(|(component, f)| component[lane] = f);
-            self.leap.pulls = left;
-        }
-        [L::of(with, sum[0]), L::of(with, sum[1]), L::of(with, sum[2])]
-    }
-}
-
 /// Square of the length.
 #[inline(always)]
 fn square<L: Lanes>([x, y, z]: [L; 3]) -> L {
     x * x + y * y + z * z
 }
 
-/// Puts eight vectors to the first eight places, or as many as there are.
-#[inline(always)]
-pub(super) fn put<T: Real, L: Lanes<Scalar = T>>(vectors: [L; 3], to: &mut [T::Vec3]) {
-    if let Some(to) = to.first_chunk_mut() {
-        L::put_vectors(vectors, to);
-    } else {
-        let mut all = [T::Vec3::ZERO; LANES];
-        L::put_vectors(vectors, &mut all);
-        to.copy_from_slice(&all[..to.len()]);
-    }
-}
-
 impl<T: Real> Slices<T> {
-    /// Takes a step from the state by its forces, and tells in it what was seen.
+    /// Takes a step of `dt` (s) from the state by its forces, and tells in it what was seen.
     pub fn advance<U: Update>(
         &self,
         springs: Stretched<T>,
         state: &mut Particles<T>,
-        leap: Leap<T>,
+        loads: Loads<T>,
+        dt: T,
         ahead: &mut Ahead<T>,
         means: Means<T>,
     ) {
@@ -213,7 +162,8 @@ impl<T: Real> Slices<T> {
         ahead.motion.resize(particles.div_ceil(BLOCK), Motion { squares: none, way: none, excess: none });
         let Ahead { positions, velocities, motion } = ahead;
         let update = PhantomData::<U>;
-        self.pull(springs, state, Advance { leap, first: 0, positions, velocities, motion, update }, means);
+        let sums = Advance { loads, dt, first: 0, positions, velocities, motion, update };
+        self.pull(springs, state, sums, means);
         ahead.replace(state);
     }
 }
@@ -223,6 +173,7 @@ mod tests {
     use super::super::pass::{Pass, Vectors, Window};
     use super::super::tests::{cloths, crumpled, place};
     use super::*;
+    use crate::forces::pull::Pull;
     use crate::math::lanes::{Kernel, Plain};
     use crate::model::{Springs, Topology};
 
@@ -230,8 +181,8 @@ mod tests {
 
     impl Update for KickThenDrift {
         #[inline(always)]
-        fn advance<L: Lanes>(x: L, v: L, kick: L, dt: L) -> [L; 2] {
-            let v = v + kick;
+        fn advance<L: Lanes>(x: L, v: L, a: L, dt: L) -> [L; 2] {
+            let v = v + a * dt;
             [x + v * dt, v]
         }
     }
@@ -259,33 +210,45 @@ mod tests {
         let inverse_mass: Vec<T> = mass.iter().enumerate().map(inverse).collect();
         let hand = |i: usize| Pull::new(i as u32, place::<T>(i + 2, 1.3), 10.0, mass[i]);
         let pulls: Vec<Pull<T>> = (0..particles).filter(|i| i % 50 < 3).map(hand).collect();
-        let surroundings = Surroundings {
+        let loads = Loads {
             mass: &mass,
+            inverse_mass: &inverse_mass,
             gravity: place::<T>(1, 9.8),
             wind: place::<T>(2, 0.1),
             air_damping: T::from_f64(0.1),
+            pulls: &pulls,
         };
         // Below the rest lengths: some springs have none, which are never longer by a ratio of that.
         let limit = -0.5;
         let stretched =
             Stretched { springs: &springs, damping: T::from_f64(2.0), limit: Some(T::from_f64(limit)) };
-        let leap = Leap { surroundings, pulls: &pulls, inverse_mass: &inverse_mass, dt: T::from_f64(0.001) };
+        let dt = T::from_f64(0.001);
 
-        let (mut forces, mut windows) = (vec![T::Vec3::ZERO; particles], Vec::new());
-        let means = Means { windows: &mut windows, threads: 1 };
-        slices.forces(stretched, &state, surroundings, &mut forces, means);
+        // The springs alone are tested elsewhere.
+        let mut forces = vec![T::Vec3::ZERO; particles];
+        for (i, f) in forces.iter_mut().enumerate() {
+            *f = *f + loads.gravity * mass[i] + loads.wind - state.velocities[i] * loads.air_damping;
+        }
+        slices.add_forces(stretched, &state, &mut forces, Means { windows: &mut Vec::new(), threads: 1 });
         crate::forces::pull::add(&pulls, &state.positions, &state.velocities, &mut forces);
+        let of = |(f, w): (&T::Vec3, &T)| if *w > T::ZERO { *f * *w } else { T::Vec3::ZERO };
+        let accelerations: Vec<T::Vec3> = forces.iter().zip(&inverse_mass).map(of).collect();
         let mut expected = state.clone();
-        let to = expected.positions.iter_mut().zip(&mut expected.velocities);
-        for ((x, v), (f, w)) in to.zip(forces.iter().zip(&inverse_mass)) {
-            *v += *f * (*w * leap.dt);
-            *x += *v * leap.dt;
+        for (i, a) in accelerations.iter().enumerate() {
+            expected.velocities[i] += *a * dt;
+            expected.positions[i] += expected.velocities[i] * dt;
+        }
+        for threads in [1, 2, 3, 8] {
+            let mut told = vec![T::Vec3::ZERO; particles];
+            let means = Means { windows: &mut Vec::new(), threads };
+            slices.accelerations(stretched, &state, loads, &mut told, means);
+            assert_eq!(told, accelerations, "{threads} threads");
         }
 
         let on = |threads| {
             let (mut state, mut ahead, mut windows) = (state.clone(), Ahead::default(), Vec::new());
             let means = Means { windows: &mut windows, threads };
-            slices.advance::<KickThenDrift>(stretched, &mut state, leap, &mut ahead, means);
+            slices.advance::<KickThenDrift>(stretched, &mut state, loads, dt, &mut ahead, means);
             let seen = state.seen.take().unwrap();
             assert!(state == expected, "{threads} threads");
             (seen, ahead)
@@ -308,7 +271,7 @@ mod tests {
         let motion = ahead.motion.clone();
         let Ahead { positions, velocities, motion: again } = &mut ahead;
         let update = PhantomData::<KickThenDrift>;
-        let sums = Advance { leap, first: 0, positions, velocities, motion: again, update };
+        let sums = Advance { loads, dt, first: 0, positions, velocities, motion: again, update };
         let fields = [Vectors(&state.positions), Vectors(&state.velocities)];
         let law = super::super::pulls::Pull::<T, true> { slices: &slices, springs: stretched };
         let windows = &mut windows;

@@ -8,8 +8,7 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::pass::{Eight, Eights, Field, Fields, Law, Sums, Vectors};
-use super::pulls::eight_of;
+use super::pass::{Eight, Eights, Field, Fields, Law, Sums, Vectors, eight_of};
 use super::{BLOCK, Means, Slices, end_before};
 use crate::forces::springs::resistance;
 use crate::math::Real;

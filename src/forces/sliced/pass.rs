@@ -73,6 +73,30 @@ impl<T: Real, V: Field<T>, const F: usize> Fields<T> for Anywhere<'_, V, F> {
     }
 }
 
+/// The first eight numbers, the last ones 0 where there are no more.
+#[inline(always)]
+pub(super) fn eight_of<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, numbers: &[T]) -> L {
+    if numbers.len() >= LANES {
+        L::load(with, numbers)
+    } else {
+        let mut eight = [T::ZERO; LANES];
+        eight[..numbers.len()].copy_from_slice(numbers);
+        L::of(with, eight)
+    }
+}
+
+/// Puts eight vectors to the first eight places, or as many as there are.
+#[inline(always)]
+pub(super) fn put_eight<T: Real, L: Lanes<Scalar = T>>(vectors: [L; 3], to: &mut [T::Vec3]) {
+    if let Some(to) = to.first_chunk_mut() {
+        L::put_vectors(vectors, to);
+    } else {
+        let mut all = [T::Vec3::ZERO; LANES];
+        L::put_vectors(vectors, &mut all);
+        to.copy_from_slice(&all[..to.len()]);
+    }
+}
+
 /// Where the sums of some particles go. Particles are counted from the first of these.
 pub trait Sums<T: Real>: Parts {
     /// What eight particles begin with.

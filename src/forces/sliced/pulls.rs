@@ -1,100 +1,21 @@
-//! The forces of sliced springs, with what acts on the particles from outside of the cloth.
+//! The forces of sliced springs.
 
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::advance::put;
-use super::pass::{Eight, Field, Fields, Law, Sums, Vectors};
+use super::pass::{Eight, Field, Fields, Law, Sums, Vectors, put_eight};
 use super::{Means, Slices};
 use crate::forces::springs::pull;
-use crate::forces::{air_damping, gravity};
-use crate::math::lanes::{LANES, Lanes};
+use crate::math::Real;
+use crate::math::lanes::Lanes;
 use crate::math::parts::Parts;
-use crate::math::{Real, Vector};
 use crate::model::{Particles, Springs};
 
 /// The fields that the springs read.
 pub(super) const PLACES: usize = 0;
 pub(super) const SPEEDS: usize = 1;
-
-/// What else acts on eight particles, before the springs.
-pub trait Outside<T: Real>: Copy + Send + Sync {
-    /// The forces (N) on the particles from the index `own` on, with the velocities given; `force` begins with what was there
-    /// before.
-    fn of<L: Lanes<Scalar = T>>(
-        &self,
-        with: L::Proof,
-        own: usize,
-        velocity: [L; 3],
-        force: &[T::Vec3],
-    ) -> [L; 3];
-}
-
-/// What was there before.
-#[derive(Clone, Copy, Debug)]
-pub struct Before;
-
-impl<T: Real> Outside<T> for Before {
-    #[inline(always)]
-    fn of<L: Lanes<Scalar = T>>(&self, with: L::Proof, _: usize, _: [L; 3], force: &[T::Vec3]) -> [L; 3] {
-        Vectors(force).eight::<L>(with, 0)
-    }
-}
-
-/// Gravity, wind and air.
-#[derive(Clone, Copy, Debug)]
-pub struct Surroundings<'a, T: Real> {
-    /// kg.
-    pub mass: &'a [T],
-    /// m/s².
-    pub gravity: T::Vec3,
-    /// N.
-    pub wind: T::Vec3,
-    /// kg/s.
-    pub air_damping: T,
-}
-
-impl<T: Real> Outside<T> for Surroundings<'_, T> {
-    #[inline(always)]
-    fn of<L: Lanes<Scalar = T>>(
-        &self,
-        with: L::Proof,
-        own: usize,
-        velocity: [L; 3],
-        _: &[T::Vec3],
-    ) -> [L; 3] {
-        let mass = eight_of(with, &self.mass[own..]);
-        let (zero, air) = (L::splat(with, T::ZERO), L::splat(with, self.air_damping));
-        let ([gx, gy, gz], [wx, wy, wz]) = (self.gravity.to_array(), self.wind.to_array());
-        let [vx, vy, vz] = velocity;
-        // From +0, so that no particle of no force has -0.
-        [
-            zero + gravity::force(L::splat(with, gx), mass)
-                + L::splat(with, wx)
-                + air_damping::force(air, vx),
-            zero + gravity::force(L::splat(with, gy), mass)
-                + L::splat(with, wy)
-                + air_damping::force(air, vy),
-            zero + gravity::force(L::splat(with, gz), mass)
-                + L::splat(with, wz)
-                + air_damping::force(air, vz),
-        ]
-    }
-}
-
-/// The first eight numbers, the last ones 0 where there are no more.
-#[inline(always)]
-pub(super) fn eight_of<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, numbers: &[T]) -> L {
-    if numbers.len() >= LANES {
-        L::load(with, numbers)
-    } else {
-        let mut eight = [T::ZERO; LANES];
-        eight[..numbers.len()].copy_from_slice(numbers);
-        L::of(with, eight)
-    }
-}
 
 /// Springs that pull.
 #[derive(Clone, Copy, Debug)]
@@ -141,48 +62,42 @@ impl<T: Real, const DAMPED: bool> Law<T> for Pull<'_, T, DAMPED> {
     }
 }
 
-/// Forces on the particles from `first` on, N.
-struct Forces<'a, T: Real, O> {
-    outside: O,
-    first: usize,
-    force: &'a mut [T::Vec3],
-}
+/// Forces on particles, N, to which those of the springs are added.
+struct Forces<'a, T: Real>(&'a mut [T::Vec3]);
 
-impl<T: Real, O: Outside<T>> Parts for Forces<'_, T, O> {
+impl<T: Real> Parts for Forces<'_, T> {
     fn count(&self) -> usize {
-        self.force.len()
+        self.0.len()
     }
 
     fn split_at(self, particle: usize) -> (Self, Self) {
-        let Self { outside, first, force } = self;
-        let (force, rest) = force.split_at_mut(particle);
-        (Self { outside, first, force }, Self { outside, first: first + particle, force: rest })
+        let (force, rest) = self.0.split_at_mut(particle);
+        (Self(force), Self(rest))
     }
 }
 
-impl<T: Real, O: Outside<T>> Sums<T> for Forces<'_, T, O> {
+impl<T: Real> Sums<T> for Forces<'_, T> {
     #[inline(always)]
-    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, here: impl Fields<T>) -> [L; 3] {
-        self.outside.of::<L>(with, self.first + at, here.field(with, SPEEDS), &self.force[at..])
+    fn begin<L: Lanes<Scalar = T>>(&self, with: L::Proof, at: usize, _: impl Fields<T>) -> [L; 3] {
+        Vectors(&*self.0).eight(with, at)
     }
 
     #[inline(always)]
     fn end<L: Lanes<Scalar = T>>(&mut self, _: L::Proof, at: usize, _: impl Fields<T>, sum: [L; 3]) {
-        put::<T, L>(sum, &mut self.force[at..]);
+        put_eight::<T, L>(sum, &mut self.0[at..]);
     }
 }
 
 impl<T: Real> Slices<T> {
-    /// Writes what acts on the particles from `outside` and from all springs over `force` (N).
-    pub fn forces(
+    /// Adds the forces of all springs to `force` (N).
+    pub fn add_forces(
         &self,
         springs: Stretched<T>,
         state: &Particles<T>,
-        outside: impl Outside<T>,
         force: &mut [T::Vec3],
         means: Means<T>,
     ) {
-        self.pull(springs, state, Forces { outside, first: 0, force }, means);
+        self.pull(springs, state, Forces(force), means);
     }
 
     /// Sums up the forces of the springs.
@@ -207,6 +122,7 @@ mod tests {
     use super::super::pass::{Pass, Window};
     use super::super::tests::{cloths, crumpled, place};
     use super::*;
+    use crate::math::Vector;
     use crate::math::lanes::{Kernel, Plain};
     use crate::model::Topology;
 
@@ -249,7 +165,7 @@ mod tests {
         let on = |threads| {
             let mut force = started.clone();
             let means = Means { windows: &mut Vec::new(), threads };
-            slices.forces(stretched, &state, Before, &mut force, means);
+            slices.add_forces(stretched, &state, &mut force, means);
             force
         };
         let force = on(1);
@@ -272,7 +188,7 @@ mod tests {
             fields: [Vectors(&state.positions), Vectors(&state.velocities)],
             law: Pull::<T, true> { slices: &slices, springs: stretched },
             first: 0,
-            sums: Forces { outside: Before, first: 0, force: &mut without },
+            sums: Forces(&mut without),
             windows: &mut [window],
         };
         // Springs with a damping of 0 are damped by 0.
