@@ -76,7 +76,7 @@ impl Info {
 
     /// A value of the wrong type.
     fn wrong<E: de::Error>(&self, error: &E) -> E {
-        E::custom(format!("{}: {error}; accepted: {}", self.name, self.accepted()))
+        E::custom(format!("{}: {}; accepted: {}", self.name, plain(&error.to_string()), self.accepted()))
     }
 
     /// A text that is no value of this type.
@@ -204,7 +204,7 @@ pub fn unknown(name: &str, fields: &[&str]) -> String {
 pub fn parse<'a, T: de::Deserialize<'a>>(what: &str, text: &'a str) -> Result<T, String> {
     ron_options()
         .from_str(text)
-        .map_err(|e| format!("{what} cannot be '{}': {}", excerpt(text), one_line(&e.code.to_string())))
+        .map_err(|e| format!("{what} cannot be '{}': {}", excerpt(text), plain(&e.code.to_string())))
 }
 
 /// How RON is read everywhere: plain, so that a saved file needs no header.
@@ -220,6 +220,40 @@ pub fn ron_reader(text: &str) -> Result<ron::Deserializer<'_>, String> {
     ron::Deserializer::from_str_with_options(text, &ron_options()).map_err(|e| one_line(&e.to_string()))
 }
 
+/// What a reader of RON complains of, on one line, in words for users: without the names that types have in the program.
+pub fn plain(complaint: &str) -> String {
+    let line = one_line(complaint);
+    let between = |before: &str, after: &str| {
+        let (_, rest) = line.split_once(before)?;
+        Some(rest.split_once(after)?.0.to_owned())
+    };
+    match line.as_str() {
+        "Expected float" | "Expected integer" => "a number is missing".to_owned(),
+        "Expected boolean" => "it is neither true nor false".to_owned(),
+        "Expected string" => "a text in quotes is missing".to_owned(),
+        "Expected identifier" => "a name is missing".to_owned(),
+        "Non-whitespace trailing characters" => "more follows than one value".to_owned(),
+        text if text.starts_with("Expected opening `(`") => "an opening `(` is missing".to_owned(),
+        text if text.starts_with("Expected opening `[`") => "an opening `[` is missing".to_owned(),
+        text if text.starts_with("Found invalid std identifier") => "a name is missing".to_owned(),
+        text if text.starts_with("Invalid digit") => "it is no whole number".to_owned(),
+        text if text.starts_with("Expected struct") => {
+            let found = between("but found `", "`").unwrap_or_default();
+            format!("`{found}` stands where an opening `(` is missing")
+        }
+        text if text.starts_with("Unexpected missing field named") => {
+            let name = between("named `", "`").unwrap_or_default();
+            format!("`{name}` is missing")
+        }
+        text if text.starts_with("Unexpected variant named") => {
+            let name = between("named `", "`").unwrap_or_default();
+            let known = between("expected one of ", " instead").unwrap_or_default();
+            format!("unknown `{name}`; known: {}", known.replace(", or ", ", "))
+        }
+        _ => line,
+    }
+}
+
 /// Sets a whole parameter from RON text, or leaves it as it was.
 ///
 /// # Errors
@@ -227,7 +261,7 @@ pub fn ron_reader(text: &str) -> Result<ron::Deserializer<'_>, String> {
 pub fn set_whole<P: Param + Clone>(param: &mut P, info: &'static Info, text: &str) -> Result<(), String> {
     let mut fresh = param.clone();
     let mut from = ron_reader(text)?;
-    fresh.load(info, &mut from).and_then(|()| from.end()).map_err(|e| one_line(&e.to_string()))?;
+    fresh.load(info, &mut from).and_then(|()| from.end()).map_err(|e| plain(&e.to_string()))?;
     *param = fresh;
     Ok(())
 }

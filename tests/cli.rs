@@ -127,6 +127,11 @@ fn a_recording_is_told_from_a_scene_and_replayed_to_the_same_bits() {
     assert!(replayed.status.success());
     assert!(String::from_utf8_lossy(&replayed.stdout).contains("bit for bit"));
     assert!(refused(&tenter(dir.path(), &["info", "r.ron"])).contains("tenter replay"));
+    std::fs::write(dir.path().join("scene.ron"), "()").expect("written");
+    for (what, why) in [("scene.ron", "tenter run"), ("missing.ron", "--record")] {
+        let line = refused(&tenter(dir.path(), &["replay", what]));
+        assert!(line.contains(what) && line.contains(why), "{line}");
+    }
 }
 
 #[test]
@@ -202,6 +207,43 @@ fn refusals_are_one_line_with_place_value_and_what_would_do() {
         }
         assert!(!dir.path().join("r.json").exists(), "{text}");
     }
+}
+
+#[test]
+fn refused_settings_are_told_in_words_and_not_by_types_of_the_program() {
+    let dir = folder();
+    for (setting, part) in [
+        ("dt=abc", "a number is missing; accepted: 0 to 100 s"),
+        ("dt=1 2", "more follows"),
+        ("gravity.enabled=3", "neither true nor false"),
+        ("simulator=verlet", "accepted: (id: \"verlet\")"),
+        ("pins=[Foo(3)]", "unknown `Foo`; known: `Particle`, `Corners`"),
+        ("pins=[Corners]", "`(` is missing"),
+        ("pins=3", "`[` is missing"),
+        ("mass=3", "accepted: PerParticle(kg)"),
+        ("target=Grid(columns: a)", "columns: it is no whole number; accepted: 1 to"),
+        ("target=Mesh(path: 3)", "a text in quotes is missing"),
+    ] {
+        let line = refused(&tenter(dir.path(), &["info", "sheet", "--set", setting]));
+        assert!(line.contains(part), "'{part}' is not in: {line}");
+        for word in ["Expected", "struct", "enum", "identifier"] {
+            assert!(!line.contains(word), "{line}");
+        }
+    }
+    std::fs::write(dir.path().join("five.ron"), "5").expect("written");
+    let line = refused(&tenter(dir.path(), &["info", "five.ron"]));
+    assert!(line.contains("five.ron:1:1: an opening `(` is missing"), "{line}");
+}
+
+#[test]
+fn a_scene_of_pinned_particles_says_that_nothing_can_move() {
+    let dir = folder();
+    let info = |pins: &str| {
+        let set = format!("pins=[{pins}]");
+        json(&tenter(dir.path(), &["info", "sheet", "--json", "--set", &set]))["warnings"].to_string()
+    };
+    assert!(info("Top(0.03)").contains("every particle is pinned"), "a flat sheet is all top");
+    assert!(!info("Corners(2)").contains("every particle is pinned"));
 }
 
 #[test]
@@ -418,6 +460,7 @@ fn render_draws_a_scene_or_says_what_is_missing() {
     };
     assert!(refused(&again("q.png", "1000000x1")).contains("1000000 x 1"));
     refused(&again("missing/q.png", "64x40"));
+    assert!(refused(&again("q.jpg", "64x40")).contains("ends in .png"));
     for size in ["64", "0x40", "64x-1", "axb"] {
         assert_eq!(again("q.png", size).status.code(), Some(2), "{size}");
     }

@@ -121,6 +121,11 @@ mod with_renderer {
 
     pub fn render(options: &Options) -> Result<Ending, Refusal> {
         let common: &Common = &options.common;
+        let extension = options.out.extension().and_then(|extension| extension.to_str());
+        if extension.is_some_and(|extension| !extension.eq_ignore_ascii_case("png")) {
+            let out = options.out.display();
+            return Err(Refusal::new(format!("--out {out}: accepted: a name that ends in .png")));
+        }
         let opened = common.open(&options.scene)?;
         let steps = options.length.steps(&opened.scene)?;
         let mut world = common.world(&opened)?;

@@ -3,7 +3,7 @@
 
 use super::run::{Difference, Results, advance, execute_as};
 use super::{Common, Ending};
-use crate::scene::{Place, Refusal, read_limited};
+use crate::scene::{Place, Refusal, Scene, read_limited};
 use crate::world::{Play, Recording, Script, World};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -21,8 +21,15 @@ pub struct Options {
 
 pub fn replay(options: &Options) -> Result<Ending, Refusal> {
     let (name, common) = (options.log.display().to_string(), &options.common);
-    let text = read_limited(&options.log)?;
-    let recording = Recording::from_ron(&text).map_err(|e| e.at(&name))?;
+    let accepted = "accepted: a recording, as --record writes it";
+    let text = read_limited(&options.log).map_err(|e| Refusal::new(format!("{e}; {accepted}")))?;
+    let recording = Recording::from_ron(&text).map_err(|e| {
+        if Scene::from_ron(&text).is_ok() {
+            Refusal::new(format!("{name}: is a scene, which tenter run takes; {accepted}"))
+        } else {
+            e.at(&name)
+        }
+    })?;
     let mut place = Place::folder(options.log.parent().unwrap_or(Path::new(".")));
     if common.set.is_empty() {
         let (world, ending) = execute_as(

@@ -181,6 +181,6 @@ pub fn to_ron<T: serde::Serialize>(value: &T) -> Result<String, Refusal> {
 impl From<ron::error::SpannedError> for Refusal {
     fn from(error: ron::error::SpannedError) -> Self {
         let at = &error.span.start;
-        Self { position: Some((at.line, at.col)), ..Self::new(error.code.to_string()) }
+        Self { position: Some((at.line, at.col)), ..Self::new(params::plain(&error.code.to_string())) }
     }
 }

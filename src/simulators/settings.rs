@@ -179,7 +179,8 @@ impl Param for SimulatorSettings {
     fn set_path(&mut self, info: &'static Info, path: &str, text: &str) -> Result<(), String> {
         let (head, rest) = params::split_path(path);
         match (head, rest) {
-            ("", _) => params::set_whole(self, info, text),
+            ("", _) => params::set_whole(self, info, text)
+                .map_err(|e| format!("{e}; accepted: (id: \"verlet\"), with params: {{…}} if need be")),
             ("id", "") => {
                 let id = text.trim().trim_matches('"');
                 let entry = find(id)?;
@@ -195,7 +196,7 @@ impl Param for SimulatorSettings {
                 let mut fresh = self.clone();
                 let mut from = params::ron_reader(text)?;
                 de::DeserializeSeed::deserialize(ParamsSeed(&mut fresh, true), &mut from)
-                    .map_err(|e| params::one_line(&e.to_string()))?;
+                    .map_err(|e| params::plain(&e.to_string()))?;
                 *self = fresh;
                 Ok(())
             }

@@ -38,6 +38,9 @@ impl World {
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = self.report.warnings.clone();
         let Scene { dt, wind, precision, gravity, .. } = &self.scene;
+        if self.pinned.iter().all(|pinned| *pinned) {
+            warnings.push("every particle is pinned: nothing can move".to_owned());
+        }
         if wind.enabled && wind.frequency * dt > 0.5 {
             warnings.push(format!(
                 "wind at {} Hz changes faster than dt = {dt} s can follow; at most {} Hz can",

@@ -60,7 +60,8 @@ pub fn health_ui(ui: &mut Ui, session: &Session) {
         ];
         for (name, colour, strain) in rows {
             ui.label(RichText::new(name).color(readable(ui, colour))).on_hover_text(tip);
-            ui.monospace(format!("{:.2} %", 100.0 * strain));
+            // Rounded first: a little below zero is no "-0.00".
+            ui.monospace(format!("{:.2} %", (1e4 * strain).round() / 100.0 + 0.0));
             ui.end_row();
         }
         ui.label("Torn springs").on_hover_text("Broken for good, until a reset or an undo");

@@ -1,6 +1,6 @@
 //! The question whether to go on from what a session left that ended without warning.
 
-use egui::{Context, Modal};
+use egui::{Context, Key, Modal, Modifiers};
 
 use crate::app::{restoring::Restore, session::Session};
 
@@ -27,7 +27,8 @@ pub fn restore_ui(ctx: &Context, restore: &mut Restore, session: &mut Session) {
             }
         });
     });
-    if modal.should_close() {
+    // A click beside it is meant for what lies there, and is no answer.
+    if modal.is_top_modal && ctx.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape)) {
         restore.leave();
     }
 }

@@ -123,7 +123,25 @@ pub fn trade(table: &Trade) -> String {
             "given up: its work passed the cap (so many springs looked at, not time), so it has no errors.\n";
     }
     text += &another_model(table);
+    text += &cheapest(table);
     text + &machine(table.machine.as_ref(), "interleaved") + &incomplete(table.missing)
+}
+
+/// What to choose for an error: the rows of the scene's model with the least work within each of some.
+fn cheapest(table: &Trade) -> String {
+    let mut text = String::new();
+    for percent in [10.0, 1.0, 0.1] {
+        let is_near = |row: &&Row| row.relative_error.is_some_and(|error| 100.0 * error <= percent);
+        let near =
+            table.rows.iter().filter(|row| row.same_model && row.health == Zone::Quiet).filter(is_near);
+        let best = near.min_by(|a, b| a.spring_visits.total_cmp(&b.spring_visits));
+        let told = best.map_or("none of these".to_owned(), |row| {
+            let (name, dt, work) = (row.settings.label(), row.settings.dt, row.spring_visits);
+            format!("{name} at dt {dt:.3e} s, {work:.3e} springs looked at a simulated second")
+        });
+        let _ = writeln!(text, "cheapest within {percent} % of the motion: {told}");
+    }
+    text
 }
 
 /// How far the statistics of every run are from the reference's: all there is to compare once trajectories part.
