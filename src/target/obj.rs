@@ -1,14 +1,16 @@
 //! Reads Wavefront OBJ: the vertices and polygons of all objects and groups, through `tobj`.
 //!
 //! `tobj` is given only `v` and `f` lines, each reduced to positions and position indices: whatever else stands in the file
-//! (materials, normals, curves) cannot make it open a file, split the cloth, or fail.
+//! (materials, normals, curves) cannot make it open a file, split the cloth, or fail. Where there are two threads, one reduces
+//! lines while `tobj` parses on the other those that are reduced already.
 
 use std::borrow::Cow;
 use std::io::{BufRead, Read};
+use std::sync::mpsc;
 
 use glam::DVec3;
 use memchr::memchr2;
-use tobj::{LoadError, LoadOptions};
+use tobj::{LoadError, LoadOptions, Model};
 
 use super::QuadMesh;
 
@@ -24,24 +26,11 @@ pub(super) struct Polygons {
 
 /// Reads the text of an OBJ file. The error says what is wrong, in which line, and what would be accepted.
 pub(super) fn read(bytes: &[u8]) -> Result<Polygons, String> {
-    let options = LoadOptions { ignore_points: true, ignore_lines: true, ..LoadOptions::default() };
-    let mut lines = Lines::new(bytes);
-    let loaded = tobj::load_obj_buf(&mut lines, &options, |_| Ok(<(Vec<_>, _)>::default()));
-    let (models, _) = loaded.map_err(|error| match error {
-        LoadError::FaceVertexOutOfBounds => first_bad_index(bytes),
-        LoadError::PositionParseError => {
-            format!(
-                "line {}: {} is not a vertex; `v` and three numbers would be accepted",
-                lines.number,
-                lines.quoted()
-            )
-        }
-        LoadError::FaceParseError => {
-            let quoted = lines.quoted();
-            format!("line {}: {quoted} is not a face; `f` and vertex numbers would be accepted", lines.number)
-        }
-        other => format!("line {}: {other}", lines.number),
-    })?;
+    // Without an end, so that on a single thread one can come after the other.
+    let (to, blocks) = mpsc::channel();
+    let mut reduced = Reduced { blocks, block: Vec::new(), consumed: 0 };
+    let (lines, models) = rayon::join(move || reduce(bytes, &to), || parse(&mut reduced));
+    let models = models.map_err(|error| refusal(bytes, error))?;
     let mut mesh = QuadMesh::default();
     // Without `o`, `g` and `usemtl` lines everything is one model.
     if let Some(model) = models.into_iter().next() {
@@ -75,6 +64,42 @@ pub(super) fn read(bytes: &[u8]) -> Result<Polygons, String> {
         mesh,
         warnings,
     })
+}
+
+fn parse(lines: &mut impl BufRead) -> Result<Vec<Model>, LoadError> {
+    let options = LoadOptions { ignore_points: true, ignore_lines: true, ..LoadOptions::default() };
+    Ok(tobj::load_obj_buf(lines, &options, |_| Ok(<(Vec<_>, _)>::default()))?.0)
+}
+
+/// Reduces all lines, as far as somebody reads them.
+fn reduce<'a>(bytes: &'a [u8], to: &mpsc::Sender<Vec<u8>>) -> Lines<'a> {
+    /// Bytes: far more than a line, far less than a file that takes long.
+    const BLOCK: usize = 1 << 16;
+    let mut lines = Lines::new(bytes);
+    let mut block = Vec::new();
+    while lines.next() {
+        block.extend_from_slice(&lines.line);
+        if block.len() >= BLOCK && to.send(std::mem::take(&mut block)).is_err() {
+            return lines;
+        }
+    }
+    let _ = to.send(block);
+    lines
+}
+
+/// What is wrong with a file that `tobj` has refused: found by reading it again line by line, as far as `tobj` takes it.
+fn refusal(bytes: &[u8], error: LoadError) -> String {
+    if matches!(error, LoadError::FaceVertexOutOfBounds) {
+        return first_bad_index(bytes);
+    }
+    let mut lines = Lines::new(bytes);
+    let _ = parse(&mut lines);
+    let what = match error {
+        LoadError::PositionParseError => "is not a vertex; `v` and three numbers would be accepted",
+        LoadError::FaceParseError => "is not a face; `f` and vertex numbers would be accepted",
+        other => return format!("line {}: {other}", lines.number),
+    };
+    format!("line {}: {} {what}", lines.number, lines.quoted())
 }
 
 /// The `v` and `f` lines of a file, reduced to positions and position indices.
@@ -203,6 +228,36 @@ impl BufRead for Lines<'_> {
             self.consumed = 0;
         }
         Ok(&self.line[self.consumed..])
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.consumed += amount;
+    }
+}
+
+/// Lines that were reduced on another thread.
+struct Reduced {
+    blocks: mpsc::Receiver<Vec<u8>>,
+    block: Vec<u8>,
+    consumed: usize,
+}
+
+impl Read for Reduced {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.fill_buf()?.read(into)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+impl BufRead for Reduced {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        while self.consumed == self.block.len() {
+            // All are there when the sender is gone.
+            let Ok(next) = self.blocks.recv() else { return Ok(&[]) };
+            (self.block, self.consumed) = (next, 0);
+        }
+        Ok(&self.block[self.consumed..])
     }
 
     fn consume(&mut self, amount: usize) {
