@@ -241,7 +241,7 @@ fn methods(sides: &[u32]) {
                     let visits = work.visits + work.products;
                     let bound = machine.bound(&work) / visits;
                     let mut candidates = [(entry.id.into(), step(one)), (entry.id.into(), step(two))];
-                    let [one, two] = race(&mut candidates, 0.1)[..] else { unreachable!() };
+                    let [one, two] = race(&mut candidates, 0.25)[..] else { unreachable!() };
                     let (ratio, faster, ms) = (one / bound, one / two, one * visits / 1e6);
                     print!(" | {side:4}²: {bound:5.2} {one:6.2} {ratio:5.1}x {faster:4.2}x {ms:9.3}");
                 }

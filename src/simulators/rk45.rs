@@ -16,7 +16,7 @@ use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::lanes::{self, Kernel, LANES, Lanes};
 use crate::math::parts::Parts;
-use crate::math::rows::{self, Term};
+use crate::math::rows::{self, Push, Start};
 use crate::math::{Real, Vector};
 use crate::model::Particles;
 use std::ops::{Add, Mul, Sub};
@@ -37,10 +37,13 @@ const FARTHEST: f64 = 10.0;
 /// Stages that are combined.
 const STAGES: usize = 7;
 
+/// What each stage counts.
+type Weights = [f64; STAGES];
+
 /// Coefficients: at which part of the step each stage stands, and how it is made of those before it. The last row is the
 /// solution of order 5.
-const NODES: [f64; STAGES] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
-const WEIGHTS: [[f64; STAGES]; STAGES] = [
+const NODES: Weights = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
+const WEIGHTS: [Weights; STAGES] = [
     [0.0; STAGES],
     [1.0 / 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0, 0.0],
@@ -50,7 +53,7 @@ const WEIGHTS: [[f64; STAGES]; STAGES] = [
     [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0, 0.0],
 ];
 /// Order 5 minus order 4.
-const ERROR: [f64; STAGES] = [
+const ERROR: Weights = [
     71.0 / 57600.0,
     0.0,
     -71.0 / 16695.0,
@@ -61,7 +64,7 @@ const ERROR: [f64; STAGES] = [
 ];
 
 /// What of each stage makes up the highest term of the dense output.
-const DENSE: [f64; STAGES] = [
+const DENSE: Weights = [
     -12_715_105_075.0 / 11_282_082_432.0,
     0.0,
     87_487_479_700.0 / 32_700_410_799.0,
@@ -71,23 +74,44 @@ const DENSE: [f64; STAGES] = [
     69_997_945.0 / 29_380_423.0,
 ];
 
+/// The same for positions. Their rates, the velocities of the stages, are that at the start and sums of accelerations, so that all
+/// that is kept are accelerations (Nyström, "Über die numerische Integration von Differentialgleichungen", 1925).
+const WEIGHTS_OF_WAYS: [Weights; STAGES] = {
+    let mut all = [[0.0; STAGES]; STAGES];
+    let mut stage = 0;
+    while stage < STAGES {
+        all[stage] = of_ways(&WEIGHTS[stage]);
+        stage += 1;
+    }
+    all
+};
+const ERROR_OF_WAYS: Weights = of_ways(&ERROR);
+const DENSE_OF_WAYS: Weights = of_ways(&DENSE);
+
+/// What each acceleration counts in a sum of the velocities of the stages that has these weights.
+const fn of_ways(weights: &Weights) -> Weights {
+    let mut sums = [0.0; STAGES];
+    let mut stage = 0;
+    while stage < STAGES {
+        let mut before = 0;
+        while before < stage {
+            sums[before] += weights[stage] * WEIGHTS[stage][before];
+            before += 1;
+        }
+        stage += 1;
+    }
+    sums
+}
+
 /// Scratch of [`Rk45`].
 #[derive(Debug, Default)]
 pub struct Buffers<T: Real> {
     start: Vec<T::Vec3>,
     start_velocities: Vec<T::Vec3>,
-    /// How fast the state of each stage changes.
-    rates: [Rates<T>; STAGES],
+    /// Accelerations in all stages, m/s².
+    accelerations: [Vec<T::Vec3>; STAGES],
     /// Errors of positions (m) and of velocities (m/s) in the last inner step that was tried.
     errors: [Vec<T::Vec3>; 2],
-}
-
-#[derive(Debug, Default)]
-struct Rates<T: Real> {
-    /// m/s.
-    velocities: Vec<T::Vec3>,
-    /// m/s².
-    accelerations: Vec<T::Vec3>,
 }
 
 /// The numbers in the memory; its vectors are those of [`Dense`].
@@ -136,8 +160,7 @@ impl Simulator for Rk45 {
             if dense {
                 scratch.recall(state);
             } else {
-                scratch.rates[0].velocities.clone_from(&state.velocities);
-                problem.accelerations(state, &mut scratch.rates[0].accelerations, cost);
+                problem.accelerations(state, &mut scratch.accelerations[0], cost);
             }
         }
         let (mut steps, mut forced) = (0, false);
@@ -160,11 +183,13 @@ impl Simulator for Rk45 {
             let error = scratch.attempt(problem, state, h, now, self.tolerance, cost);
             let sound = error <= 1.0;
             if sound || forced {
-                scratch.remember(state, h, problem.useful_threads());
                 (controller.begin, controller.length) = (now, h);
                 now = if forced || (cut && h >= left) { end } else { now + h };
+                if now >= end {
+                    scratch.remember(state, h, problem.useful_threads());
+                }
                 // The last stage is the first of the next step.
-                scratch.rates.swap(0, STAGES - 1);
+                scratch.accelerations.swap(0, STAGES - 1);
             } else {
                 scratch.swap(state);
             }
@@ -283,34 +308,32 @@ where
 }
 
 impl<T: Real> Buffers<T> {
-    /// Puts the state to the end of the inner step that is remembered, whose rates there are those of the first stage.
+    /// Puts the state to the end of the inner step that is remembered, whose accelerations there are those of the first stage.
     fn recall(&mut self, state: &mut Particles<T>) {
         let Particles { positions, velocities, memory, .. } = state;
         let n = positions.len();
         let part = |p: usize| &memory.vectors[p * n..(p + 1) * n];
         positions.copy_from_slice(part(3));
         velocities.copy_from_slice(part(4));
-        let Rates { velocities, accelerations } = &mut self.rates[0];
-        velocities.clear();
-        velocities.extend_from_slice(part(4));
-        accelerations.clear();
-        accelerations.extend_from_slice(part(5));
+        self.accelerations[0].resize(n, T::Vec3::ZERO);
+        self.accelerations[0].copy_from_slice(part(5));
     }
 
     /// Remembers the inner step of `h` (s) that was just taken.
     fn remember(&self, state: &mut Particles<T>, h: f64, threads: usize) {
         let Particles { positions, velocities, memory, .. } = state;
-        let ends = [&self.rates[0], &self.rates[STAGES - 1]].map(|rates| &rates.accelerations);
-        memory.vectors.clear();
-        for part in [&self.start, &self.start_velocities, ends[0], positions, velocities, ends[1]] {
-            memory.vectors.extend_from_slice(part);
-        }
         let n = positions.len();
         memory.vectors.resize(PARTS * n, T::Vec3::ZERO);
-        let (of_positions, of_velocities) = memory.vectors[(PARTS - 2) * n..].split_at_mut(n);
-        let [way, gain] = self.slopes(h, &DENSE);
-        rows::add(of_positions, &way, threads);
-        rows::add(of_velocities, &gain, threads);
+        let (ends, highest) = memory.vectors.split_at_mut((PARTS - 2) * n);
+        let [first, .., last] = &self.accelerations;
+        let parts = [&self.start, &self.start_velocities, first, positions, velocities, last];
+        for (place, part) in parts.into_iter().enumerate() {
+            ends[place * n..(place + 1) * n].copy_from_slice(part);
+        }
+        let (of_positions, of_velocities) = highest.split_at_mut(n);
+        // The weights have no sum, so the velocity at the start has no part in it.
+        let terms = self.terms(h, &DENSE, &DENSE_OF_WAYS);
+        rows::advance([of_positions, of_velocities], Start::Zero, T::ZERO, &terms, threads);
     }
 
     /// Takes the state as the start of an inner step, or puts it back to there.
@@ -324,16 +347,15 @@ impl<T: Real> Buffers<T> {
         }
     }
 
-    /// The rates of the stages, each with its weight times `h` (s): velocities, and accelerations.
-    fn slopes(&self, h: f64, weights: &[f64; STAGES]) -> [[Term<'_, T>; STAGES]; 2] {
-        let weights = weights.map(|weight| T::from_f64(h * weight));
-        let of = |row: fn(&Rates<T>) -> &[T::Vec3]| {
-            std::array::from_fn(|stage| (weights[stage], row(&self.rates[stage])))
-        };
-        [of(|rates| &rates.velocities), of(|rates| &rates.accelerations)]
+    /// The accelerations, each with what it adds to positions and velocities in a step of `h` (s).
+    fn terms(&self, h: f64, weights: &Weights, of_ways: &Weights) -> [Push<'_, T>; STAGES] {
+        std::array::from_fn(|stage| {
+            let factors = [h * h * of_ways[stage], h * weights[stage]].map(T::from_f64);
+            (factors, &self.accelerations[stage][..])
+        })
     }
 
-    /// Takes an inner step of `h` (s) that starts at `time` (s), the rates of its first stage known; answers with its error in
+    /// Takes an inner step of `h` (s) that starts at `time` (s), the accelerations of its first stage known; answers with its error in
     /// units of the tolerance.
     fn attempt(
         &mut self,
@@ -346,20 +368,18 @@ impl<T: Real> Buffers<T> {
     ) -> f64 {
         let threads = problem.useful_threads();
         for stage in 1..STAGES {
-            let [way, gain] = self.slopes(h, &WEIGHTS[stage]);
-            rows::combine(&mut state.positions, &self.start, &way, threads);
-            rows::combine(&mut state.velocities, &self.start_velocities, &gain, threads);
+            let start = Start::At([&self.start, &self.start_velocities]);
+            let terms = self.terms(h, &WEIGHTS[stage], &WEIGHTS_OF_WAYS[stage]);
+            let ahead = T::from_f64(NODES[stage] * h);
+            rows::advance([&mut state.positions, &mut state.velocities], start, ahead, &terms, threads);
             state.time = time + NODES[stage] * h;
-            let Rates { velocities, accelerations } = &mut self.rates[stage];
-            problem.accelerations(state, accelerations, cost);
-            velocities.clone_from(&state.velocities);
+            problem.accelerations(state, &mut self.accelerations[stage], cost);
         }
         let mut errors = std::mem::take(&mut self.errors);
-        for (errors, slopes) in errors.iter_mut().zip(self.slopes(h, &ERROR)) {
-            errors.clear();
-            errors.resize(state.len(), T::Vec3::ZERO);
-            rows::add(errors, &slopes, threads);
-        }
+        errors.iter_mut().for_each(|errors| errors.resize(state.len(), T::Vec3::ZERO));
+        let [of_positions, of_velocities] = &mut errors;
+        let terms = self.terms(h, &ERROR, &ERROR_OF_WAYS);
+        rows::advance([of_positions, of_velocities], Start::Zero, T::ZERO, &terms, threads);
         self.errors = errors;
         // An error of velocity moves a particle as far within this step.
         let [of_positions, of_velocities] = self.errors.each_ref().map(|errors| rows::longest::<T>(errors));

@@ -16,7 +16,8 @@
 
 use super::{Model, Simulator};
 use crate::forces::{Cost, Mode, Problem, Spectrum};
-use crate::math::{Real, Vector, rows};
+use crate::math::Real;
+use crate::math::rows::{self, Start};
 use crate::model::Particles;
 
 crate::params! {
@@ -24,13 +25,11 @@ crate::params! {
     pub struct VelocityVerlet {}
 }
 
-/// Scratch of [`VelocityVerlet`].
+/// Scratch of [`VelocityVerlet`]: accelerations at both ends of the step, m/s².
 #[derive(Debug, Default)]
-pub struct Buffers<T: Real> {
-    /// m/s².
-    accelerations: Vec<T::Vec3>,
-    /// Velocities advanced by half the step, m/s.
-    halfway: Vec<T::Vec3>,
+pub struct Ends<T: Real> {
+    before: Vec<T::Vec3>,
+    after: Vec<T::Vec3>,
 }
 
 impl Simulator for VelocityVerlet {
@@ -39,36 +38,35 @@ impl Simulator for VelocityVerlet {
         "Velocity Verlet: second order at one force evaluation; accurate up to its stability limit.";
     const ORDER: u32 = 2;
     const MODEL: Model = Model::Springs;
-    type Scratch<T: Real> = Buffers<T>;
+    type Scratch<T: Real> = Ends<T>;
 
     fn step<T: Real>(
         &self,
         problem: &Problem<T>,
         state: &mut Particles<T>,
         dt: T,
-        scratch: &mut Buffers<T>,
+        ends: &mut Ends<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { accelerations, halfway } = scratch;
+        let Ends { before, after } = ends;
         let (half, start) = (T::from_f64(0.5) * dt, state.time);
         let handled = problem.is_handled(state);
         if !handled && state.memory.vectors.len() == state.len() {
-            std::mem::swap(accelerations, &mut state.memory.vectors);
+            std::mem::swap(before, &mut state.memory.vectors);
         } else {
-            problem.accelerations(state, accelerations, cost);
+            problem.accelerations(state, before, cost);
         }
         let threads = problem.useful_threads();
-        halfway.resize(state.len(), T::Vec3::ZERO);
-        rows::combine(halfway, &state.velocities, &[(half, accelerations)], threads);
-        rows::add(&mut state.positions, &[(dt, halfway)], threads);
-        rows::add(&mut state.velocities, &[(dt, accelerations)], threads);
+        let to = [&mut state.positions[..], &mut state.velocities];
+        rows::advance(to, Start::Here, dt, &[([half * dt, dt], before)], threads);
         state.time = start + dt.to_f64();
-        problem.accelerations(state, accelerations, cost);
+        problem.accelerations(state, after, cost);
         state.time = start;
-        rows::combine(&mut state.velocities, halfway, &[(half, accelerations)], threads);
+        // From the velocity that was predicted to that by the mean of both.
+        rows::add(&mut state.velocities, &[(half, after), (-half, before)], threads);
         state.memory.vectors.clear();
         if !handled {
-            std::mem::swap(accelerations, &mut state.memory.vectors);
+            std::mem::swap(after, &mut state.memory.vectors);
         }
     }
 
