@@ -67,7 +67,6 @@ macro_rules! side_by_side {
 side_by_side!(A a0 a1, B b0 b1);
 side_by_side!(A a0 a1, B b0 b1, C c0 c1);
 side_by_side!(A a0 a1, B b0 b1, C c0 c1, D d0 d1);
-side_by_side!(A a0 a1, B b0 b1, C c0 c1, D d0 d1, E e0 e1);
 
 #[cfg(test)]
 mod tests {

@@ -185,7 +185,7 @@ impl Simulator for Rk45 {
             if sound || forced {
                 (controller.begin, controller.length) = (now, h);
                 now = if forced || (cut && h >= left) { end } else { now + h };
-                if now >= end {
+                if now >= end && !handled && !forced {
                     scratch.remember(state, h, problem.useful_threads());
                 }
                 // The last stage is the first of the next step.

@@ -29,7 +29,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<Polygons, String> {
     // Without an end, so that on a single thread one can come after the other.
     let (to, blocks) = mpsc::channel();
     let mut reduced = Reduced { blocks, block: Vec::new(), consumed: 0 };
-    let (lines, models) = rayon::join(move || reduce(bytes, &to), || parse(&mut reduced));
+    // Each end goes with its reader or writer: the other notices.
+    let (lines, models) = rayon::join(move || reduce(bytes, &to), move || parse(&mut reduced));
     let models = models.map_err(|error| refusal(bytes, error))?;
     let mut mesh = QuadMesh::default();
     // Without `o`, `g` and `usemtl` lines everything is one model.

@@ -130,6 +130,9 @@ pub fn trade(table: &Trade) -> String {
 /// What to choose for an error: the rows of the scene's model with the least work within each of some.
 fn cheapest(table: &Trade) -> String {
     let mut text = String::new();
+    if table.rows.iter().all(|row| row.relative_error.is_none()) {
+        return text;
+    }
     for percent in [10.0, 1.0, 0.1] {
         let is_near = |row: &&Row| row.relative_error.is_some_and(|error| 100.0 * error <= percent);
         let near =
