@@ -37,6 +37,9 @@ pub trait Real:
     const ONE: Self;
     /// Distance from 1 to the next number.
     const EPSILON: Self;
+    /// Where, among sixteen numbers, the first eight of a [`comb`](lanes::Lanes::comb) of way 1 and of way 2 stand, lane by lane: in
+    /// the order in which registers are filled with them soonest.
+    const TEETH: [[usize; lanes::LANES]; 2];
     /// Square root, correctly rounded: the same bits on every machine.
     #[must_use]
     fn sqrt(self) -> Self;
@@ -85,11 +88,12 @@ pub trait Vector:
 }
 
 macro_rules! precision {
-    ($real:ty, $vec:ty, $lanes:ident, $to_double:expr, $from_double:expr) => {
+    ($real:ty, $vec:ty, $lanes:ident, $teeth:expr, $to_double:expr, $from_double:expr) => {
         impl Real for $real {
             type Vec3 = $vec;
             #[cfg(target_arch = "x86_64")]
             type Lanes = lanes::avx2::$lanes;
+            const TEETH: [[usize; lanes::LANES]; 2] = $teeth;
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
             const EPSILON: Self = <$real>::EPSILON;
@@ -146,5 +150,19 @@ macro_rules! precision {
     };
 }
 
-precision!(f32, Vec3, Single, |v: Vec3| v.as_dvec3(), |v: DVec3| v.as_vec3());
-precision!(f64, DVec3, Double, |v: DVec3| v, |v: DVec3| v);
+precision!(
+    f32,
+    Vec3,
+    Single,
+    [[0, 2, 8, 10, 4, 6, 12, 14], [0, 1, 8, 9, 4, 5, 12, 13]],
+    |v: Vec3| v.as_dvec3(),
+    |v: DVec3| v.as_vec3()
+);
+precision!(
+    f64,
+    DVec3,
+    Double,
+    [[0, 8, 2, 10, 4, 12, 6, 14], [0, 1, 4, 5, 8, 9, 12, 13]],
+    |v: DVec3| v,
+    |v: DVec3| v
+);

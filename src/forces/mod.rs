@@ -10,5 +10,6 @@ pub mod springs;
 pub mod wind;
 
 pub use problem::{Cost, Problem, SpringSet};
+pub(crate) use sliced::Loads;
 pub use sliced::{Ahead, BLOCK as PRODUCT_BLOCK, Linear, Update};
 pub use spectrum::{Mode, Spectrum};

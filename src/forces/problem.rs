@@ -238,7 +238,8 @@ impl<T: Real> Problem<T> {
         self.slices().add_forces(self.stretched(), state, force, self.means(&mut self.windows()));
     }
 
-    fn loads(&self, state: &Particles<T>) -> Loads<'_, T> {
+    /// What acts besides springs in the state given, at its time.
+    pub(crate) fn loads(&self, state: &Particles<T>) -> Loads<'_, T> {
         Loads {
             mass: &self.mass,
             inverse_mass: &self.inverse_mass,

@@ -56,10 +56,11 @@ pub trait Lanes:
         vectors: &[<Self::Scalar as Real>::Vec3],
         at: &[u32; LANES],
     ) -> [Self; 3];
-    /// The components of the quadruples at eight places.
-    fn quads(with: Self::Proof, quads: &[[Self::Scalar; 4]], at: &[u32; LANES]) -> [Self; 4];
-    /// Puts quadruples of these components to eight places.
-    fn put_quads(components: [Self; 4], quads: &mut [[Self::Scalar; 4]], at: &[u32; LANES]);
+    /// Of sixteen numbers every other one from the first on, and from the second; or, with a `WAY` of 2, every other two: in lanes
+    /// as [`Real::TEETH`] tells.
+    fn comb<const WAY: usize>(with: Self::Proof, numbers: &[Self::Scalar; 2 * LANES]) -> [Self; 2];
+    /// The other way round.
+    fn put_comb<const WAY: usize>(comb: [Self; 2], numbers: &mut [Self::Scalar; 2 * LANES]);
 
     /// The first eight numbers of a slice.
     #[inline(always)]
@@ -73,6 +74,70 @@ pub trait Lanes:
     #[inline(always)]
     fn store(self, to: &mut [Self::Scalar]) {
         to[..LANES].copy_from_slice(&self.to_array());
+    }
+
+    /// The numbers at eight places.
+    #[inline(always)]
+    fn gather(with: Self::Proof, from: &[Self::Scalar], at: &[u32; LANES]) -> Self {
+        let mut values = [Self::Scalar::ZERO; LANES];
+        for (value, i) in values.iter_mut().zip(at) {
+            *value = from[*i as usize];
+        }
+        Self::of(with, values)
+    }
+
+    /// Puts them to eight places.
+    #[inline(always)]
+    fn scatter(self, to: &mut [Self::Scalar], at: &[u32; LANES]) {
+        for (value, i) in self.to_array().into_iter().zip(at) {
+            to[*i as usize] = value;
+        }
+    }
+}
+
+/// The first eight numbers of a slice, 0 where there are no more.
+#[inline(always)]
+pub fn eight_of<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, numbers: &[T]) -> L {
+    if numbers.len() >= LANES {
+        L::load(with, numbers)
+    } else {
+        let mut eight = [T::ZERO; LANES];
+        eight[..numbers.len()].copy_from_slice(numbers);
+        L::of(with, eight)
+    }
+}
+
+/// Puts numbers over the first eight of a slice, or over as many as there are.
+#[inline(always)]
+pub fn put_eight_of<T: Real, L: Lanes<Scalar = T>>(eight: L, to: &mut [T]) {
+    if to.len() >= LANES {
+        eight.store(to);
+    } else {
+        to.copy_from_slice(&eight.to_array()[..to.len()]);
+    }
+}
+
+/// The first eight vectors of a slice, 0 where there are no more.
+#[inline(always)]
+pub fn vectors_of<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, vectors: &[T::Vec3]) -> [L; 3] {
+    if let Some(eight) = vectors.first_chunk() {
+        L::vectors(with, eight)
+    } else {
+        let mut eight = [T::Vec3::ZERO; LANES];
+        eight[..vectors.len()].copy_from_slice(vectors);
+        L::vectors(with, &eight)
+    }
+}
+
+/// Puts vectors over the first eight of a slice, or over as many as there are.
+#[inline(always)]
+pub fn put_vectors_of<T: Real, L: Lanes<Scalar = T>>(vectors: [L; 3], to: &mut [T::Vec3]) {
+    if let Some(to) = to.first_chunk_mut() {
+        L::put_vectors(vectors, to);
+    } else {
+        let mut all = [T::Vec3::ZERO; LANES];
+        L::put_vectors(vectors, &mut all);
+        to.copy_from_slice(&all[..to.len()]);
     }
 }
 
@@ -195,14 +260,15 @@ impl<T: Real> Lanes for Plain<T> {
     }
 
     #[inline(always)]
-    fn quads((): (), quads: &[[T; 4]], at: &[u32; LANES]) -> [Self; 4] {
-        [0, 1, 2, 3].map(|c| Self(at.map(|i| quads[i as usize][c])))
+    fn comb<const WAY: usize>((): (), numbers: &[T; 2 * LANES]) -> [Self; 2] {
+        let teeth = T::TEETH[WAY - 1];
+        [Self(teeth.map(|at| numbers[at])), Self(teeth.map(|at| numbers[at + WAY]))]
     }
 
     #[inline(always)]
-    fn put_quads(components: [Self; 4], quads: &mut [[T; 4]], at: &[u32; LANES]) {
-        for (lane, i) in at.iter().enumerate() {
-            quads[*i as usize] = components.map(|c| c.0[lane]);
+    fn put_comb<const WAY: usize>([a, b]: [Self; 2], numbers: &mut [T; 2 * LANES]) {
+        for (lane, at) in T::TEETH[WAY - 1].into_iter().enumerate() {
+            (numbers[at], numbers[at + WAY]) = (a.0[lane], b.0[lane]);
         }
     }
 }

@@ -5,7 +5,13 @@
 //! m + h (c + d) + h² κ and a velocity v̂, so that what is left to solve is M̂ (v - v̂) = h F_springs(x, v). Every implicit
 //! method and every solver of springs as constraints starts from these two.
 
-use crate::forces::{Cost, Problem};
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled without the instructions of the function that calls it"
+)]
+
+use crate::forces::{Cost, Loads, Problem};
+use crate::math::lanes::{self, Kernel, LANES, Lanes, eight_of, put_eight_of, put_vectors_of, vectors_of};
 use crate::math::parts::each_particle;
 use crate::math::{Real, Vector};
 use crate::model::Particles;
@@ -24,30 +30,28 @@ pub(super) struct Inertia<T: Real> {
 impl<T: Real> Inertia<T> {
     /// Prepares a step of `h` (s) from the positions and velocities given, with forces of the time given.
     pub fn begin(&mut self, problem: &Problem<T>, state: &Particles<T>, h: T) {
-        let (particles, threads) = (state.len(), problem.useful_threads());
-        let air = h * problem.air_damping;
-        self.mass.resize(particles, T::ZERO);
-        let masses = (&mut self.mass[..], &problem.mass[..]);
-        each_particle(masses, threads, |(mass, own)| {
-            mass.iter_mut().zip(own).for_each(|(mass, &m)| *mass = m + air);
+        self.mass.resize(state.len(), T::ZERO);
+        self.inverse.resize(state.len(), T::ZERO);
+        self.velocity.resize(state.len(), T::Vec3::ZERO);
+        let Loads { mass, inverse_mass, gravity, wind, air_damping, pulls } = problem.loads(state);
+        let to = (&mut self.mass[..], &mut self.inverse[..], &mut self.velocity[..]);
+        let from = (mass, inverse_mass, &state.velocities[..]);
+        each_particle((to, from), problem.useful_threads(), |(to, from)| {
+            lanes::run(Begin::<T> { to, from, gravity, wind, air_damping, h });
         });
-        self.velocity.resize(particles, T::Vec3::ZERO);
-        problem.external_forces(state, &mut self.velocity);
-        for pull in problem.pulls() {
-            let i = pull.particle as usize;
-            self.mass[i] += h * pull.damping + h * h * pull.stiffness;
-            self.velocity[i] -= state.velocities[i] * (h * pull.stiffness);
-        }
-        self.inverse.resize(particles, T::ZERO);
-        let inverses = (&mut self.inverse[..], &problem.inverse_mass[..], &self.mass[..]);
-        let forces = (&mut self.velocity[..], &state.velocities[..]);
-        each_particle((inverses, forces), threads, |((inverse, own, mass), (force, velocity))| {
-            let masses = inverse.iter_mut().zip(own).zip(mass);
-            for (((inverse, &w), &m), (f, &v)) in masses.zip(force.iter_mut().zip(velocity)) {
-                *inverse = if w > T::ZERO { T::ONE / m } else { T::ZERO };
-                *f = v + (*f - v * problem.air_damping) * (h * *inverse);
+        for pulls in pulls.chunk_by(|one, other| one.particle == other.particle) {
+            let i = pulls[0].particle as usize;
+            let (x, v) = (state.positions[i], state.velocities[i]);
+            let mut force = gravity * mass[i] + wind;
+            for pull in pulls {
+                self.mass[i] += h * pull.damping + h * h * pull.stiffness;
+                force += pull.force(x, v) - v * (h * pull.stiffness);
             }
-        });
+            if inverse_mass[i] > T::ZERO {
+                self.inverse[i] = T::ONE / self.mass[i];
+                self.velocity[i] = v + (force - v * air_damping) * (h * self.inverse[i]);
+            }
+        }
     }
 
     /// What is left of the equations of a step of `h` (s): M̂ (v̂ - v) + h F_springs, N s; zero where a particle is pinned or held.
@@ -86,5 +90,40 @@ impl<T: Real> Inertia<T> {
         let shift = if mass > T::ZERO { missing * (T::ONE / mass) } else { T::Vec3::ZERO };
         velocities.iter_mut().for_each(|v| *v += shift);
         shift
+    }
+}
+
+/// What stands in [`Inertia`] where no hand pulls.
+struct Begin<'a, T: Real> {
+    to: (&'a mut [T], &'a mut [T], &'a mut [T::Vec3]),
+    /// Masses, their inverses, and velocities.
+    from: (&'a [T], &'a [T], &'a [T::Vec3]),
+    gravity: T::Vec3,
+    wind: T::Vec3,
+    air_damping: T,
+    h: T,
+}
+
+impl<T: Real> Kernel<T> for Begin<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = T>>(self, with: L::Proof) {
+        let Self { to, from: (mass, inverse_mass, velocities), gravity, wind, air_damping, h } = self;
+        let (one, air, h) = (L::splat(with, T::ONE), L::splat(with, air_damping), L::splat(with, h));
+        let (gravity, wind) = (gravity.to_array(), wind.to_array());
+        for at in (0..mass.len()).step_by(LANES) {
+            let own = eight_of::<T, L>(with, &mass[at..]);
+            let m = own + h * air;
+            let inverse = (one / m).where_positive(eight_of(with, &inverse_mass[at..]));
+            let mut v = vectors_of::<T, L>(with, &velocities[at..]);
+            for c in 0..3 {
+                let force = L::splat(with, gravity[c]) * own + L::splat(with, wind[c]);
+                v[c] = v[c] + (force - v[c] * air) * (h * inverse);
+            }
+            put_eight_of(m, &mut to.0[at..]);
+            put_eight_of(inverse, &mut to.1[at..]);
+            put_vectors_of::<T, L>(v, &mut to.2[at..]);
+        }
     }
 }

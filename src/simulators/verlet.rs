@@ -12,9 +12,9 @@
 //! touch, eight at a time, which the processor works on at once: the faster order.
 //!
 //! It solves another model than the springs: stiffness and spring damping are ignored, and how stiff the cloth looks is
-//! a matter of dt and sweeps. Any dt stays bounded. A coloured sweep costs about two force evaluations.
+//! a matter of dt and sweeps. Any dt stays bounded. A coloured sweep costs less than a force evaluation.
 
-use super::sweep::{Sweep, quad};
+use super::sweep::{Chain, Sweep, Tiles};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
@@ -72,8 +72,18 @@ crate::params! {
 /// Scratch of [`Verlet`].
 #[derive(Debug, Default)]
 pub struct Buffers<T: Real> {
-    force: Vec<T::Vec3>,
-    sweep: Sweep<T>,
+    free: Free<T>,
+    chain: Chain<T>,
+    tiles: Tiles<T>,
+}
+
+/// How particles move before springs are put right.
+#[derive(Debug, Default)]
+struct Free<T: Real> {
+    /// m/s.
+    velocities: Vec<T::Vec3>,
+    /// By which they give way.
+    weights: Vec<T>,
 }
 
 impl Simulator for Verlet {
@@ -92,44 +102,63 @@ impl Simulator for Verlet {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { force, sweep } = scratch;
-        let threads = problem.useful_threads();
-        force.resize(state.len(), T::Vec3::default());
-        problem.external_forces(state, force);
+        let Buffers { free, chain, tiles } = scratch;
+        self.set_free(problem, state, dt, free);
         cost.force_evaluations += 1;
         match self.order {
-            Order::Creation => sweep.by_creation(problem),
-            Order::Coloured => sweep.in_tiles(problem),
+            Order::Creation => self.sweep(problem, state, dt, free, chain, cost),
+            Order::Coloured => self.sweep(problem, state, dt, free, tiles, cost),
         }
-        let weight = |w: T| match self.correction {
-            Correction::HalfHalf => T::ONE,
-            Correction::MassWeighted => w,
-        };
-        let masses = (&problem.mass[..], &problem.inverse_mass[..]);
-        let states = (&state.positions[..], &state.velocities[..], &force[..]);
-        let particles = (sweep.places(state.len()), states, masses);
-        each_particle(particles, threads, |(places, (positions, velocities, force), (mass, inverse_mass))| {
-            let mut kept = KeptVelocity { method: self, problem, dt, mass: T::ZERO, ratio: T::ONE };
-            let masses = mass.iter().zip(inverse_mass);
-            let states = positions.iter().zip(velocities).zip(force);
-            for ((place, ((&x, &v), &f)), (&m, &w)) in places.iter_mut().zip(states).zip(masses) {
-                let (ratio, weight) = if w > T::ZERO { (kept.ratio(m), weight(w)) } else { (T::ONE, T::ZERO) };
-                *place = quad(x + (v * ratio + f * (w * dt)) * dt, weight);
-            }
-        });
-        for _ in 0..self.sweeps {
-            if problem.is_stopped() {
-                return;
-            }
-            sweep.relax(problem.parallel());
-            cost.spring_visits += problem.springs.len() as u64;
-        }
-        sweep.leave(state, dt, &problem.inverse_mass, threads);
     }
 
     /// Relaxation only ever shortens errors of length, so theory sets no limit.
     fn dt_limit(&self, _: &Spectrum) -> Option<f64> {
         None
+    }
+}
+
+impl Verlet {
+    fn set_free<T: Real>(&self, problem: &Problem<T>, state: &Particles<T>, dt: T, free: &mut Free<T>) {
+        let Free { velocities, weights } = free;
+        velocities.resize(state.len(), T::Vec3::default());
+        weights.resize(state.len(), T::ZERO);
+        problem.external_forces(state, velocities);
+        let to = (&mut velocities[..], &mut weights[..]);
+        let particles = (to, &state.velocities[..], (&problem.mass[..], &problem.inverse_mass[..]));
+        each_particle(particles, problem.useful_threads(), |((forces, weights), velocities, masses)| {
+            let mut kept = KeptVelocity { method: self, problem, dt, mass: T::ZERO, ratio: T::ONE };
+            let masses = masses.0.iter().zip(masses.1);
+            let free = forces.iter_mut().zip(weights);
+            for (((f, weight), &v), (&m, &w)) in free.zip(velocities).zip(masses) {
+                *weight = match self.correction {
+                    Correction::HalfHalf if w > T::ZERO => T::ONE,
+                    Correction::HalfHalf | Correction::MassWeighted => w,
+                };
+                *f = if w > T::ZERO { v * kept.ratio(m) + *f * (w * dt) } else { v };
+            }
+        });
+    }
+
+    fn sweep<T: Real>(
+        &self,
+        problem: &Problem<T>,
+        state: &mut Particles<T>,
+        dt: T,
+        free: &Free<T>,
+        sweep: &mut impl Sweep<T>,
+        cost: &mut Cost,
+    ) {
+        let (Free { velocities, weights }, threads) = (free, problem.useful_threads());
+        sweep.take(problem);
+        sweep.set_out(&state.positions, velocities, weights, dt, threads);
+        for _ in 0..self.sweeps {
+            if problem.is_stopped() {
+                return;
+            }
+            sweep.relax(weights, problem.parallel());
+            cost.spring_visits += problem.springs.len() as u64;
+        }
+        sweep.arrive(state, velocities, weights, dt, threads);
     }
 }
 

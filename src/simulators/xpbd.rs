@@ -11,16 +11,16 @@
 //! is the thesis' law, which all other methods have; Along is that of the paper, which damps only changes of length and
 //! so leaves rigid rotation alone.
 //!
-//! Springs are taken tile by tile, in eights that share no particle. Any h stays bounded. An iteration costs about two
-//! force evaluations, damped in all directions four. Many substeps of one iteration beat one step of many iterations: choose it for stiff
-//! cloth within a fixed budget, where an explicit method would need a smaller dt than the budget allows.
+//! Springs are taken tile by tile, in eights that share no particle. Any h stays bounded. An iteration costs about as much
+//! as a force evaluation, damped in all directions twice that. Many substeps of one iteration beat one step of many
+//! iterations: choose it for stiff cloth within a fixed budget, where an explicit method would need a smaller dt than the
+//! budget allows.
 
 use super::inertia::Inertia;
-use super::sweep::{Compliance, Sweep, Turn, quad};
+use super::sweep::{Compliance, Sweep, Tiles, Turn};
 use super::{Model, Simulator};
 use crate::forces::{Cost, Problem, Spectrum};
 use crate::math::Real;
-use crate::math::parts::each_particle;
 use crate::model::Particles;
 
 crate::choice! {
@@ -49,7 +49,7 @@ crate::params! {
 #[derive(Debug, Default)]
 pub struct Buffers<T: Real> {
     inertia: Inertia<T>,
-    sweep: Sweep<T>,
+    tiles: Tiles<T>,
 }
 
 impl Simulator for Xpbd {
@@ -68,7 +68,7 @@ impl Simulator for Xpbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        scratch.sweep.in_tiles(problem);
+        scratch.tiles.take(problem);
         let beginning = state.time;
         let substep = dt.to_f64() / f64::from(self.substeps);
         for n in 0..self.substeps {
@@ -96,7 +96,7 @@ impl Xpbd {
         scratch: &mut Buffers<T>,
         cost: &mut Cost,
     ) {
-        let Buffers { inertia, sweep } = scratch;
+        let Buffers { inertia, tiles } = scratch;
         let threads = problem.useful_threads();
         inertia.begin(problem, state, h);
         cost.force_evaluations += 1;
@@ -106,23 +106,16 @@ impl Xpbd {
             DampingDirection::Along => (damping, T::ZERO),
         };
         let compliance = Compliance { square: h * h, along, all };
-        let free = (&inertia.velocity[..], &inertia.inverse[..]);
-        let particles = (sweep.places(state.len()), &state.positions[..], free);
-        each_particle(particles, threads, |(places, positions, (velocities, inverse))| {
-            let free = velocities.iter().zip(inverse);
-            for ((place, &x), (&v, &w)) in places.iter_mut().zip(positions).zip(free) {
-                *place = quad(x + v * h, w);
-            }
-        });
-        sweep.begin(&state.positions, &compliance, threads);
+        tiles.set_out(&state.positions, &inertia.velocity, &inertia.inverse, h, threads);
+        tiles.begin(&compliance);
         for iteration in 1..=self.iterations {
             if problem.is_stopped() {
                 return;
             }
             let turn = Turn { is_first: iteration == 1, is_last: iteration == self.iterations };
-            sweep.comply(&compliance, turn, problem.parallel());
+            tiles.comply(&inertia.inverse, &compliance, turn, problem.parallel());
         }
-        sweep.leave(state, h, &inertia.inverse, threads);
+        tiles.arrive(state, &inertia.velocity, &inertia.inverse, h, threads);
         cost.solver_iterations += u64::from(self.iterations);
         cost.spring_visits += u64::from(self.iterations) * problem.springs.len() as u64;
         // Dividing positions by a short h enlarges their rounding, which would let momentum drift.

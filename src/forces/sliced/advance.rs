@@ -9,10 +9,10 @@
 )]
 
 use super::loads::Loads;
-use super::pass::{Fields, Sums, put_eight};
+use super::pass::{Fields, Sums};
 use super::pulls::{PLACES, SPEEDS};
 use super::{BLOCK, Means, Slices, Stretched};
-use crate::math::lanes::{LANES, Lanes};
+use crate::math::lanes::{LANES, Lanes, put_vectors_of};
 use crate::math::parts::Parts;
 use crate::math::{Real, Vector};
 use crate::model::{Particles, Seen};
@@ -121,8 +121,8 @@ impl<T: Real, U: Update> Sums<T> for Advance<'_, T, U> {
             U::advance(x[1], v[1], a[1], dt),
             U::advance(x[2], v[2], a[2], dt),
         ];
-        put_eight::<T, L>([x0, x1, x2], &mut self.positions[at..]);
-        put_eight::<T, L>([v0, v1, v2], &mut self.velocities[at..]);
+        put_vectors_of::<T, L>([x0, x1, x2], &mut self.positions[at..]);
+        put_vectors_of::<T, L>([v0, v1, v2], &mut self.velocities[at..]);
         let motion = &mut self.motion[at / BLOCK];
         let [mut squares, mut way] = [L::splat(with, T::ZERO); 2];
         if !at.is_multiple_of(BLOCK) {

@@ -8,11 +8,11 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::pass::{Eight, Eights, Field, Fields, Law, Sums, Vectors, eight_of};
+use super::pass::{Eight, Eights, Field, Fields, Law, Sums, Vectors};
 use super::{BLOCK, Means, Slices, end_before};
 use crate::forces::springs::resistance;
 use crate::math::Real;
-use crate::math::lanes::{self, Kernel, LANES, Lanes};
+use crate::math::lanes::{self, Kernel, LANES, Lanes, eight_of};
 use crate::math::parts::Parts;
 use crate::model::Springs;
 

@@ -5,12 +5,12 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::pass::{Fields, Sums, eight_of, put_eight};
+use super::pass::{Fields, Sums};
 use super::pulls::{PLACES, SPEEDS};
 use super::{Means, Slices, Stretched};
 use crate::forces::pull::Pull;
 use crate::forces::{air_damping, gravity};
-use crate::math::lanes::{LANES, Lanes};
+use crate::math::lanes::{LANES, Lanes, eight_of, put_vectors_of};
 use crate::math::parts::Parts;
 use crate::math::{Real, Vector};
 use crate::model::Particles;
@@ -130,7 +130,10 @@ impl<T: Real> Sums<T> for Accelerations<'_, T> {
 
     #[inline(always)]
     fn end<L: Lanes<Scalar = T>>(&mut self, with: L::Proof, at: usize, here: impl Fields<T>, sum: [L; 3]) {
-        put_eight::<T, L>(self.loads.accelerations(with, self.first + at, here, sum), &mut self.to[at..]);
+        put_vectors_of::<T, L>(
+            self.loads.accelerations(with, self.first + at, here, sum),
+            &mut self.to[at..],
+        );
     }
 }
 

@@ -11,9 +11,9 @@
 )]
 
 use super::{ALL, APART, BLOCK, Row, SLACK, SPAN, Slices, end_before};
+use crate::math::Real;
 use crate::math::lanes::{self, Kernel, LANES, Lanes};
 use crate::math::parts::Parts;
-use crate::math::{Real, Vector};
 
 /// Eight springs: their kind, and their number among the rows or among the lists of loose ones.
 #[derive(Clone, Copy, Debug)]
@@ -73,30 +73,6 @@ impl<T: Real, V: Field<T>, const F: usize> Fields<T> for Anywhere<'_, V, F> {
     }
 }
 
-/// The first eight numbers, the last ones 0 where there are no more.
-#[inline(always)]
-pub(super) fn eight_of<T: Real, L: Lanes<Scalar = T>>(with: L::Proof, numbers: &[T]) -> L {
-    if numbers.len() >= LANES {
-        L::load(with, numbers)
-    } else {
-        let mut eight = [T::ZERO; LANES];
-        eight[..numbers.len()].copy_from_slice(numbers);
-        L::of(with, eight)
-    }
-}
-
-/// Puts eight vectors to the first eight places, or as many as there are.
-#[inline(always)]
-pub(super) fn put_eight<T: Real, L: Lanes<Scalar = T>>(vectors: [L; 3], to: &mut [T::Vec3]) {
-    if let Some(to) = to.first_chunk_mut() {
-        L::put_vectors(vectors, to);
-    } else {
-        let mut all = [T::Vec3::ZERO; LANES];
-        L::put_vectors(vectors, &mut all);
-        to.copy_from_slice(&all[..to.len()]);
-    }
-}
-
 /// Where the sums of some particles go. Particles are counted from the first of these.
 pub trait Sums<T: Real>: Parts {
     /// What eight particles begin with.
@@ -124,14 +100,7 @@ pub struct Vectors<'a, T: Real>(pub &'a [T::Vec3]);
 impl<T: Real> Field<T> for Vectors<'_, T> {
     #[inline(always)]
     fn eight<L: Lanes<Scalar = T>>(self, with: L::Proof, at: usize) -> [L; 3] {
-        let vectors = &self.0[at..];
-        if let Some(eight) = vectors.first_chunk() {
-            L::vectors(with, eight)
-        } else {
-            let mut eight = [T::Vec3::ZERO; LANES];
-            eight[..vectors.len()].copy_from_slice(vectors);
-            L::vectors(with, &eight)
-        }
+        lanes::vectors_of(with, &self.0[at..])
     }
 
     #[inline(always)]

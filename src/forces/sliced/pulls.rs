@@ -5,11 +5,11 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::pass::{Eight, Field, Fields, Law, Sums, Vectors, put_eight};
+use super::pass::{Eight, Field, Fields, Law, Sums, Vectors};
 use super::{Means, Slices};
 use crate::forces::springs::pull;
 use crate::math::Real;
-use crate::math::lanes::Lanes;
+use crate::math::lanes::{Lanes, put_vectors_of};
 use crate::math::parts::Parts;
 use crate::model::{Particles, Springs};
 
@@ -84,7 +84,7 @@ impl<T: Real> Sums<T> for Forces<'_, T> {
 
     #[inline(always)]
     fn end<L: Lanes<Scalar = T>>(&mut self, _: L::Proof, at: usize, _: impl Fields<T>, sum: [L; 3]) {
-        put_eight::<T, L>(sum, &mut self.0[at..]);
+        put_vectors_of::<T, L>(sum, &mut self.0[at..]);
     }
 }
 

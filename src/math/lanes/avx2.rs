@@ -160,62 +160,37 @@ impl Lanes for Single {
     }
 
     #[inline(always)]
-    fn quads(with: V3, quads: &[[f32; 4]], at: &[u32; LANES]) -> [Self; 4] {
+    fn comb<const WAY: usize>(with: V3, numbers: &[f32; 2 * LANES]) -> [Self; 2] {
         let avx = with.avx;
-        let [a, b, c, d] = [
-            quad_pair(with, quads, at[0], at[4]),
-            quad_pair(with, quads, at[1], at[5]),
-            quad_pair(with, quads, at[2], at[6]),
-            quad_pair(with, quads, at[3], at[7]),
-        ];
-        let (xy, zw) = (avx._mm256_unpacklo_ps(a, b), avx._mm256_unpackhi_ps(a, b));
-        let (xy_next, zw_next) = (avx._mm256_unpacklo_ps(c, d), avx._mm256_unpackhi_ps(c, d));
-        [
-            Self(with, avx._mm256_shuffle_ps::<0x44>(xy, xy_next)),
-            Self(with, avx._mm256_shuffle_ps::<0xee>(xy, xy_next)),
-            Self(with, avx._mm256_shuffle_ps::<0x44>(zw, zw_next)),
-            Self(with, avx._mm256_shuffle_ps::<0xee>(zw, zw_next)),
-        ]
+        let [low, high]: [__m256; 2] = cast(*numbers);
+        if WAY == 1 {
+            let [one, other] =
+                [avx._mm256_shuffle_ps::<0x88>(low, high), avx._mm256_shuffle_ps::<0xdd>(low, high)];
+            [Self(with, one), Self(with, other)]
+        } else {
+            let [one, other] =
+                [avx._mm256_shuffle_ps::<0x44>(low, high), avx._mm256_shuffle_ps::<0xee>(low, high)];
+            [Self(with, one), Self(with, other)]
+        }
     }
 
     #[inline(always)]
-    fn put_quads([x, y, z, w]: [Self; 4], quads: &mut [[f32; 4]], at: &[u32; LANES]) {
-        let avx = x.0.avx;
-        let (xy, xy_next) = (avx._mm256_unpacklo_ps(x.1, y.1), avx._mm256_unpackhi_ps(x.1, y.1));
-        let (zw, zw_next) = (avx._mm256_unpacklo_ps(z.1, w.1), avx._mm256_unpackhi_ps(z.1, w.1));
-        let pairs = [
-            avx._mm256_shuffle_ps::<0x44>(xy, zw),
-            avx._mm256_shuffle_ps::<0xee>(xy, zw),
-            avx._mm256_shuffle_ps::<0x44>(xy_next, zw_next),
-            avx._mm256_shuffle_ps::<0xee>(xy_next, zw_next),
-        ];
-        for (lane, pair) in pairs.into_iter().enumerate() {
-            let [low, high]: [[f32; 4]; 2] = cast(pair);
-            quads[at[lane] as usize] = low;
-            quads[at[lane + 4] as usize] = high;
-        }
+    fn put_comb<const WAY: usize>([a, b]: [Self; 2], numbers: &mut [f32; 2 * LANES]) {
+        let avx = a.0.avx;
+        let halves = if WAY == 1 {
+            [avx._mm256_unpacklo_ps(a.1, b.1), avx._mm256_unpackhi_ps(a.1, b.1)]
+        } else {
+            [avx._mm256_shuffle_ps::<0x44>(a.1, b.1), avx._mm256_shuffle_ps::<0xee>(a.1, b.1)]
+        };
+        *numbers = cast(halves);
     }
 }
 
-/// Two quadruples, each in one half.
+/// Two of these quadruples, each in one half.
 #[inline(always)]
-fn quad_pair(with: V3, quads: &[[f32; 4]], low: u32, high: u32) -> __m256 {
-    let (low, high) = (cast(quads[low as usize]), cast(quads[high as usize]));
+fn quad_pair(with: V3, quads: &[[f32; 4]; 6], low: usize, high: usize) -> __m256 {
+    let (low, high) = (cast(quads[low]), cast(quads[high]));
     with.avx._mm256_insertf128_ps::<1>(with.avx._mm256_castps128_ps256(low), high)
-}
-
-/// The components of four quadruples; and, the other way round, the quadruples of four components.
-#[inline(always)]
-fn turn(with: V3, [a, b, c, d]: [__m256d; 4]) -> [__m256d; 4] {
-    let avx = with.avx;
-    let (xz, yw) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpackhi_pd(a, b));
-    let (xz_next, yw_next) = (avx._mm256_unpacklo_pd(c, d), avx._mm256_unpackhi_pd(c, d));
-    [
-        avx._mm256_permute2f128_pd::<0x20>(xz, xz_next),
-        avx._mm256_permute2f128_pd::<0x20>(yw, yw_next),
-        avx._mm256_permute2f128_pd::<0x31>(xz, xz_next),
-        avx._mm256_permute2f128_pd::<0x31>(yw, yw_next),
-    ]
 }
 
 /// Two vectors, each in one half. A function, as what follows: a closure would not be compiled for these instructions.
@@ -357,23 +332,37 @@ impl Lanes for Double {
     }
 
     #[inline(always)]
-    fn quads(with: V3, quads: &[[f64; 4]], at: &[u32; LANES]) -> [Self; 4] {
-        let [a, b, c, d, e, f, g, h] = *at;
-        let low = turn(with, [a, b, c, d].map(|at| cast(quads[at as usize])));
-        let high = turn(with, [e, f, g, h].map(|at| cast(quads[at as usize])));
-        let [x, y, z, w] = low;
-        let [x_next, y_next, z_next, w_next] = high;
-        [Self(with, [x, x_next]), Self(with, [y, y_next]), Self(with, [z, z_next]), Self(with, [w, w_next])]
+    fn comb<const WAY: usize>(with: V3, numbers: &[f64; 2 * LANES]) -> [Self; 2] {
+        let avx = with.avx;
+        let [a, b, c, d]: [__m256d; 4] = cast(*numbers);
+        if WAY == 1 {
+            let one = [avx._mm256_unpacklo_pd(a, c), avx._mm256_unpacklo_pd(b, d)];
+            [Self(with, one), Self(with, [avx._mm256_unpackhi_pd(a, c), avx._mm256_unpackhi_pd(b, d)])]
+        } else {
+            let one = [avx._mm256_permute2f128_pd::<0x20>(a, b), avx._mm256_permute2f128_pd::<0x20>(c, d)];
+            let other = [avx._mm256_permute2f128_pd::<0x31>(a, b), avx._mm256_permute2f128_pd::<0x31>(c, d)];
+            [Self(with, one), Self(with, other)]
+        }
     }
 
     #[inline(always)]
-    fn put_quads(components: [Self; 4], quads: &mut [[f64; 4]], at: &[u32; LANES]) {
-        let [x, y, z, w] = components;
-        for half in 0..2 {
-            let turned = turn(x.0, [x.1[half], y.1[half], z.1[half], w.1[half]]);
-            for (lane, quad) in turned.into_iter().enumerate() {
-                quads[at[4 * half + lane] as usize] = cast(quad);
-            }
-        }
+    fn put_comb<const WAY: usize>([one, other]: [Self; 2], numbers: &mut [f64; 2 * LANES]) {
+        let avx = one.0.avx;
+        let ([a, b], [c, d]) = (one.1, other.1);
+        *numbers = cast(if WAY == 1 {
+            [
+                avx._mm256_unpacklo_pd(a, c),
+                avx._mm256_unpacklo_pd(b, d),
+                avx._mm256_unpackhi_pd(a, c),
+                avx._mm256_unpackhi_pd(b, d),
+            ]
+        } else {
+            [
+                avx._mm256_permute2f128_pd::<0x20>(a, c),
+                avx._mm256_permute2f128_pd::<0x31>(a, c),
+                avx._mm256_permute2f128_pd::<0x20>(b, d),
+                avx._mm256_permute2f128_pd::<0x31>(b, d),
+            ]
+        });
     }
 }
