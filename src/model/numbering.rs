@@ -15,17 +15,18 @@ pub struct Numbering {
 }
 
 impl Numbering {
-    /// A local numbering; the source's own where that is one already, as that of every grid.
+    /// A local numbering; the source's own where that is one already and goes along rows, as that of every grid.
     pub fn of(particles: usize, topology: &Topology) -> Self {
         let pairs = topology.pairs.iter().flatten();
         let springs = topology.pairs.iter().map(Vec::len).sum::<usize>();
         let span: u64 = pairs.map(|[a, b]| u64::from(b.abs_diff(*a))).sum();
         // A square sheet by rows has 5/6 of a row: what is near that can hardly be made nearer.
         let near = 2.0 * (particles as f64).sqrt();
-        if springs == 0 || span as f64 <= near * springs as f64 {
+        let edges = topology.of_kind(SpringKind::Stretch);
+        if springs == 0 || (span as f64 <= near * springs as f64 && are_in_rows(edges)) {
             return Self::default();
         }
-        let source = cuthill_mckee(particles, topology.of_kind(SpringKind::Stretch));
+        let source = cuthill_mckee(particles, edges);
         let mut inner = vec![0; particles];
         for (i, &p) in source.iter().enumerate() {
             inner[p as usize] = i as u32;
@@ -62,6 +63,18 @@ impl Numbering {
     pub fn in_source_order<V: Copy>(&self, values: &[V]) -> impl Iterator<Item = V> {
         (0..values.len() as u32).map(|p| values[self.inner(p) as usize])
     }
+}
+
+/// Whether most edges are followed by one from the next particle to the next: eight of such are computed at once. Edges are
+/// sorted.
+fn are_in_rows(edges: &[[u32; 2]]) -> bool {
+    let mut followers = edges.iter().peekable();
+    let is_followed = |[i, j]: &&[u32; 2]| {
+        let next = [i + 1, j + 1];
+        while followers.next_if(|edge| **edge < next).is_some() {}
+        followers.peek() == Some(&&next)
+    };
+    4 * edges.iter().filter(is_followed).count() >= 3 * edges.len()
 }
 
 /// The particles of each piece from one of its corners on.
@@ -156,6 +169,27 @@ mod tests {
         assert!((0..3600).all(|p| numbering.source(numbering.inner(p)) == p));
         all.sort_unstable();
         assert!(all.into_iter().eq(0..3600));
+    }
+
+    #[test]
+    fn what_is_near_but_in_no_row_is_renumbered_into_rows() {
+        let side = 64;
+        let mesh = grid(side, side, 1.0, false);
+        // Each row by steps of one, two, three and so on.
+        let name = |p: &u32| p / side * side + (p % side) * (p % side + 1) / 2 % side;
+        let mut other = QuadMesh::new(mesh.positions.clone());
+        for face in mesh.faces() {
+            other.push_face(&face.iter().map(name).collect::<Vec<_>>());
+        }
+        let topology = Topology::of(&other);
+        let edges = topology.of_kind(SpringKind::Stretch);
+        assert!(are_in_rows(Topology::of(&mesh).of_kind(SpringKind::Stretch)) && !are_in_rows(edges));
+        let numbering = Numbering::of(mesh.positions.len(), &topology);
+        let mut renumbered: Vec<[u32; 2]> =
+            edges.iter().map(|pair| pair.map(|p| numbering.inner(p))).collect();
+        renumbered.iter_mut().for_each(|pair| pair.sort_unstable());
+        renumbered.sort_unstable();
+        assert!(are_in_rows(&renumbered));
     }
 
     #[test]
