@@ -89,7 +89,7 @@ struct Free<T: Real> {
 impl Simulator for Verlet {
     const ID: &'static str = "verlet";
     const SUMMARY: &'static str =
-        "Verlet with relaxation: rigid springs, bounded at any dt; stiffness is a matter of dt and sweeps.";
+        "Verlet with relaxation: rigid springs, to whose length a stretched cloth snaps back; bounded at any dt.";
     const ORDER: u32 = 1;
     const MODEL: Model = Model::RigidConstraints;
     type Scratch<T: Real> = Buffers<T>;

@@ -201,15 +201,15 @@ impl<T: Real> Sweep<T> for Tiles<T> {
                 far.push(spring);
             }
         }
-        let mut source =
-            Source { springs, stiffness: springs.stiffness_of_each(), holds: vec![0; particles] };
-        let mut part = |chosen: &[u32], first: usize| {
-            source.part(chosen, first, tile.min(particles - first.min(particles)))
+        let source = Source { springs, stiffness: springs.stiffness_of_each() };
+        let part = |chosen: &[u32], first: usize| source.part(chosen, first, tile.min(particles - first));
+        let parts = |chosen: &[Vec<u32>], behind: usize| {
+            let numbered = chosen.par_iter().enumerate();
+            numbered.map(|(number, chosen)| part(chosen, behind + number * tile)).collect()
         };
-        self.inside = (0..).zip(&inside).map(|(number, chosen)| part(chosen, number * tile)).collect();
-        self.across = (0..).zip(&across).map(|(number, chosen)| part(chosen, number * tile + half)).collect();
+        (self.inside, self.across) = (parts(&inside, 0), parts(&across, half));
         self.far = Part::default();
-        source.fit(&far, 0, &mut self.far);
+        source.fit(&far, 0, particles, &mut self.far);
         self.taken = problem.revision();
     }
 
@@ -231,13 +231,11 @@ struct Source<'a, T: Real> {
     springs: &'a Springs<T>,
     /// By spring, N/m.
     stiffness: Vec<T>,
-    /// See [`eights`].
-    holds: Vec<u32>,
 }
 
 impl<T: Real> Source<'_, T> {
     /// The chosen springs, all of them between so many particles from `first` on.
-    fn part(&mut self, chosen: &[u32], first: usize, particles: usize) -> Part<T> {
+    fn part(&self, chosen: &[u32], first: usize, particles: usize) -> Part<T> {
         let (mut part, mut rest) = (Part::default(), Vec::new());
         // Way, first particle and number.
         let mut ways: Vec<(u32, u32, u32)> = Vec::new();
@@ -262,7 +260,7 @@ impl<T: Real> Source<'_, T> {
             }
         }
         rest.sort_unstable();
-        self.fit(&rest, first, &mut part);
+        self.fit(&rest, first, particles, &mut part);
         part
     }
 
@@ -305,10 +303,11 @@ impl<T: Real> Source<'_, T> {
         }
     }
 
-    /// Springs in eights as they fit.
-    fn fit(&mut self, chosen: &[u32], first: usize, part: &mut Part<T>) {
-        for eight in eights(&self.springs.pairs, chosen, &mut self.holds) {
-            let end = |end: usize| eight.map(|s| self.springs.pairs[s as usize][end] - first as u32);
+    /// Springs in eights as they fit, all of them between so many particles from `first` on.
+    fn fit(&self, chosen: &[u32], first: usize, particles: usize, part: &mut Part<T>) {
+        let ends = |spring: u32| self.springs.pairs[spring as usize].map(|p| p - first as u32);
+        for eight in eights(&ends, chosen, particles) {
+            let end = |end: usize| eight.map(|s| ends(s)[end]);
             let number = part.apart.len() as u32;
             part.apart.push([end(0), end(1)]);
             part.push(Shape::Apart, [number; 2], eight.map(Some), self);
@@ -327,11 +326,15 @@ const OPEN: usize = 24;
 ///
 /// First fit (as in graph colouring: Welsh and Powell, "An upper bound for the chromatic number of a graph and its application
 /// to timetabling problems", 1967) into groups that are open, in time linear in the springs. `holds` tells for each particle
-/// by a bit which open groups hold it: none at the beginning and at the end.
-fn eights(pairs: &[[u32; 2]], chosen: &[u32], holds: &mut [u32]) -> Vec<[u32; LANES]> {
+/// by a bit which open groups hold it.
+fn eights(ends: &impl Fn(u32) -> [u32; 2], chosen: &[u32], particles: usize) -> Vec<[u32; LANES]> {
+    if chosen.is_empty() {
+        return Vec::new();
+    }
+    let mut holds = vec![0_u32; particles];
     let mut open: [Vec<u32>; OPEN] = std::array::from_fn(|_| Vec::with_capacity(GROUP));
     let mut eights = Vec::with_capacity(chosen.len().div_ceil(LANES) + OPEN);
-    let ends = |spring: u32| pairs[spring as usize].map(|p| p as usize);
+    let ends = |spring: u32| ends(spring).map(|p| p as usize);
     let mut close = |number: usize, group: &mut Vec<u32>, holds: &mut [u32]| {
         for springs in group.chunks(LANES) {
             eights.push(std::array::from_fn(|lane| springs.get(lane).copied().unwrap_or(springs[0])));
@@ -345,17 +348,17 @@ fn eights(pairs: &[[u32; 2]], chosen: &[u32], holds: &mut [u32]) -> Vec<[u32; LA
         let mut number = (!(holds[i] | holds[j])).trailing_zeros() as usize;
         if number >= OPEN {
             number = (0..OPEN).max_by_key(|number| open[*number].len()).unwrap_or(0);
-            close(number, &mut open[number], holds);
+            close(number, &mut open[number], &mut holds);
         }
         open[number].push(spring);
         holds[i] |= 1 << number;
         holds[j] |= 1 << number;
         if open[number].len() == GROUP {
-            close(number, &mut open[number], holds);
+            close(number, &mut open[number], &mut holds);
         }
     }
     for (number, group) in open.iter_mut().enumerate() {
-        close(number, group, holds);
+        close(number, group, &mut holds);
     }
     eights
 }
@@ -386,9 +389,8 @@ mod tests {
         let stars = [3, 40, 200].map(star_and_ring);
         for pairs in stars.into_iter().chain([sheet().pairs.concat()]) {
             let chosen: Vec<u32> = (0..pairs.len() as u32).collect();
-            let mut holds = vec![0; PARTICLES];
             let mut all = Vec::new();
-            for eight in eights(&pairs, &chosen, &mut holds) {
+            for eight in eights(&|spring| pairs[spring as usize], &chosen, PARTICLES) {
                 let others = eight[1..].iter().filter(|s| **s != eight[0]);
                 let springs: Vec<u32> = eight[..1].iter().chain(others).copied().collect();
                 let mut ends: Vec<u32> = springs.iter().flat_map(|s| pairs[*s as usize]).collect();
@@ -399,7 +401,6 @@ mod tests {
             }
             all.sort_unstable();
             assert_eq!(all, chosen);
-            assert!(holds.iter().all(|groups| *groups == 0));
         }
     }
 
