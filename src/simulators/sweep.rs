@@ -5,6 +5,7 @@
 
 mod chain;
 mod components;
+mod order;
 mod tiles;
 mod wide;
 

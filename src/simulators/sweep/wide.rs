@@ -48,7 +48,7 @@ impl<T: Real> Ends<T> for Row {
     }
 }
 
-/// See [`Shape::Comb`].
+/// See [`Shape::Comb1`].
 struct Comb<const WAY: usize>;
 
 impl<T: Real, const WAY: usize> Ends<T> for Comb<WAY> {
