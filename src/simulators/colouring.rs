@@ -65,10 +65,10 @@ impl Colours {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn star_and_ring(spokes: u32) -> Vec<[u32; 2]> {
+    pub fn star_and_ring(spokes: u32) -> Vec<[u32; 2]> {
         let spokes_of_hub = (1..=spokes).map(|i| [0, i]);
         spokes_of_hub.chain((1..spokes).map(|i| [i, i + 1])).collect()
     }

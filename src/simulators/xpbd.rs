@@ -11,8 +11,8 @@
 //! is the thesis' law, which all other methods have; Along is that of the paper, which damps only changes of length and
 //! so leaves rigid rotation alone.
 //!
-//! Springs are taken tile by tile, in eights that share no particle. Any h stays bounded. An iteration costs about as much
-//! as a force evaluation, damped in all directions twice that. Many substeps of one iteration beat one step of many
+//! Springs are taken tile by tile, in eights that share no particle. Any h stays bounded. An iteration costs somewhat less
+//! than a force evaluation, damped in all directions half as much again. Many substeps of one iteration beat one step of many
 //! iterations: choose it for stiff cloth within a fixed budget, where an explicit method would need a smaller dt than the
 //! budget allows.
 

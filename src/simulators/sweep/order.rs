@@ -157,11 +157,7 @@ fn eights(ends: &impl Fn(u32) -> [u32; 2], chosen: &[u32], particles: usize) -> 
 mod tests {
     use super::*;
     use crate::model::Topology;
-
-    fn star_and_ring(spokes: u32) -> Vec<[u32; 2]> {
-        let spokes_of_hub = (1..=spokes).map(|i| [0, i]);
-        spokes_of_hub.chain((1..spokes).map(|i| [i, i + 1])).collect()
-    }
+    use crate::simulators::colouring::tests::star_and_ring;
 
     #[test]
     fn eight_springs_that_fit_share_no_particle() {

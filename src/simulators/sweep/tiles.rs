@@ -56,6 +56,9 @@ pub(super) enum Shape {
     Apart,
 }
 
+/// Two particles for each of eight lanes.
+pub(super) type Pairs = [[u32; LANES]; 2];
+
 /// Eight springs, lane by lane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Eight {
@@ -71,8 +74,8 @@ pub(super) struct Part<T: Real> {
     /// Where eights of one shape end, again and again.
     pub runs: Vec<(Shape, u32)>,
     pub eights: Vec<Eight>,
-    /// Two particles for each lane. One for which there is no spring has those of the first.
-    pub apart: Vec<[[u32; LANES]; 2]>,
+    /// A lane for which there is no spring has the particles of the first.
+    pub apart: Vec<Pairs>,
     /// Rest lengths, m.
     pub rest: Vec<[T; LANES]>,
     /// Stiffnesses, N/m.
@@ -199,8 +202,12 @@ impl<T: Real> Sweep<T> for Tiles<T> {
         let source = Source::new(springs);
         let part = |chosen: &[u32], first: usize| source.part(chosen, first, tile.min(particles - first));
         let parts = |chosen: &[Vec<u32>], behind: usize| {
-            let numbered = chosen.par_iter().enumerate();
-            numbered.map(|(number, chosen)| part(chosen, behind + number * tile)).collect()
+            let one = |(number, chosen): (usize, &Vec<u32>)| part(chosen, behind + number * tile);
+            if problem.parallel() {
+                chosen.par_iter().enumerate().map(one).collect()
+            } else {
+                chosen.iter().enumerate().map(one).collect()
+            }
         };
         (self.inside, self.across) = (parts(&inside, 0), parts(&across, half));
         self.far = Part::default();

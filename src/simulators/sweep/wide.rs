@@ -5,7 +5,7 @@
     reason = "what is not inlined is compiled without the instructions of the function that calls it"
 )]
 
-use super::tiles::{Here, Part, Shape};
+use super::tiles::{Here, Pairs, Part, Shape};
 use super::{Compliance, Turn};
 use crate::math::Real;
 use crate::math::lanes::{Kernel, LANES, Lanes};
@@ -13,13 +13,8 @@ use std::ops::Range;
 
 /// Reads and writes the ends of eight springs in a row of numbers, one for each particle.
 trait Ends<T: Real> {
-    fn read<L: Lanes<Scalar = T>>(
-        with: L::Proof,
-        row: &[T],
-        at: [u32; 2],
-        apart: &[[[u32; LANES]; 2]],
-    ) -> [L; 2];
-    fn put<L: Lanes<Scalar = T>>(ends: [L; 2], row: &mut [T], at: [u32; 2], apart: &[[[u32; LANES]; 2]]);
+    fn read<L: Lanes<Scalar = T>>(with: L::Proof, row: &[T], at: [u32; 2], apart: &[Pairs]) -> [L; 2];
+    fn put<L: Lanes<Scalar = T>>(ends: [L; 2], row: &mut [T], at: [u32; 2], apart: &[Pairs]);
 }
 
 /// See [`Shape::Row`].
@@ -27,22 +22,12 @@ struct Row;
 
 impl<T: Real> Ends<T> for Row {
     #[inline(always)]
-    fn read<L: Lanes<Scalar = T>>(
-        with: L::Proof,
-        row: &[T],
-        [from, to]: [u32; 2],
-        _: &[[[u32; LANES]; 2]],
-    ) -> [L; 2] {
+    fn read<L: Lanes<Scalar = T>>(with: L::Proof, row: &[T], [from, to]: [u32; 2], _: &[Pairs]) -> [L; 2] {
         [L::load(with, &row[from as usize..]), L::load(with, &row[to as usize..])]
     }
 
     #[inline(always)]
-    fn put<L: Lanes<Scalar = T>>(
-        [a, b]: [L; 2],
-        row: &mut [T],
-        [from, to]: [u32; 2],
-        _: &[[[u32; LANES]; 2]],
-    ) {
+    fn put<L: Lanes<Scalar = T>>([a, b]: [L; 2], row: &mut [T], [from, to]: [u32; 2], _: &[Pairs]) {
         a.store(&mut row[from as usize..]);
         b.store(&mut row[to as usize..]);
     }
@@ -53,19 +38,14 @@ struct Comb<const WAY: usize>;
 
 impl<T: Real, const WAY: usize> Ends<T> for Comb<WAY> {
     #[inline(always)]
-    fn read<L: Lanes<Scalar = T>>(
-        with: L::Proof,
-        row: &[T],
-        [from, _]: [u32; 2],
-        _: &[[[u32; LANES]; 2]],
-    ) -> [L; 2] {
+    fn read<L: Lanes<Scalar = T>>(with: L::Proof, row: &[T], [from, _]: [u32; 2], _: &[Pairs]) -> [L; 2] {
         let mut sixteen = [T::ZERO; 2 * LANES];
         sixteen.copy_from_slice(&row[from as usize..][..2 * LANES]);
         L::comb::<WAY>(with, &sixteen)
     }
 
     #[inline(always)]
-    fn put<L: Lanes<Scalar = T>>(ends: [L; 2], row: &mut [T], [from, _]: [u32; 2], _: &[[[u32; LANES]; 2]]) {
+    fn put<L: Lanes<Scalar = T>>(ends: [L; 2], row: &mut [T], [from, _]: [u32; 2], _: &[Pairs]) {
         let mut sixteen = [T::ZERO; 2 * LANES];
         L::put_comb::<WAY>(ends, &mut sixteen);
         row[from as usize..][..2 * LANES].copy_from_slice(&sixteen);
@@ -77,23 +57,13 @@ struct Apart;
 
 impl<T: Real> Ends<T> for Apart {
     #[inline(always)]
-    fn read<L: Lanes<Scalar = T>>(
-        with: L::Proof,
-        row: &[T],
-        [at, _]: [u32; 2],
-        apart: &[[[u32; LANES]; 2]],
-    ) -> [L; 2] {
+    fn read<L: Lanes<Scalar = T>>(with: L::Proof, row: &[T], [at, _]: [u32; 2], apart: &[Pairs]) -> [L; 2] {
         let [i, j] = &apart[at as usize];
         [L::gather(with, row, i), L::gather(with, row, j)]
     }
 
     #[inline(always)]
-    fn put<L: Lanes<Scalar = T>>(
-        [a, b]: [L; 2],
-        row: &mut [T],
-        [at, _]: [u32; 2],
-        apart: &[[[u32; LANES]; 2]],
-    ) {
+    fn put<L: Lanes<Scalar = T>>([a, b]: [L; 2], row: &mut [T], [at, _]: [u32; 2], apart: &[Pairs]) {
         let [i, j] = &apart[at as usize];
         a.scatter(row, i);
         b.scatter(row, j);
